@@ -1,0 +1,46 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+namespace tabletop_perception {
+
+/// Points of a surface with their unit normals, in no order: a sampled cluster, a view, a model.
+struct Surface {
+  std::vector<Eigen::Vector3f> points;   ///< [m]
+  std::vector<Eigen::Vector3f> normals;  ///< unit length, out of the surface; as many as points
+
+  std::size_t size() const { return points.size(); }
+  bool empty() const { return points.empty(); }
+};
+
+/// The surface moved by T_target_source.
+Surface transformed(const Surface& source, const Eigen::Isometry3d& T_target_source);
+
+/// Mean of the points; they must not be empty.
+Eigen::Vector3f centroidOf(const std::vector<Eigen::Vector3f>& points);
+
+/// One point per occupied cube of `leaf` [m]: the mean point and the normalised mean normal.
+/// Throws std::invalid_argument unless `leaf` is positive. Order: by first point in each cube.
+Surface downsampled(const Surface& surface, double leaf);
+
+/// A box about some points.
+struct Box {
+  Eigen::Isometry3d T_camera_box = Eigen::Isometry3d::Identity();  ///< its centre and axes
+  Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< sides along x, y, z, descending [m]
+};
+
+/// The box of the points' extents along their principal axes (z completes a right-handed frame);
+/// with `up`, one axis of it is `up` and the others are principal in the plane across it.
+/// Of no points: an empty box.
+Box boxAround(const std::vector<Eigen::Vector3f>& points, const Eigen::Vector3d* up = nullptr);
+
+/// The rotation by the smallest angle that turns direction `from` into direction `to` [unit].
+Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
+
+/// The angle of a rotation [rad], 0 to pi.
+double angleOf(const Eigen::Matrix3d& rotation);
+
+}  // namespace tabletop_perception

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "tabletop_perception/cloud.h"
+#include "tabletop_perception/geometry.h"
+#include "tabletop_perception/options.h"
+
+namespace tabletop_perception {
+
+struct NormalsOptions {
+  int window = 7;              ///< organised: side of the square window of neighbours [pixels, odd]
+  double depth_change = 0.02;  ///< organised: neighbours that differ more in range do not count;
+                               ///< share of the range
+  int neighbors = 20;          ///< unorganised: nearest neighbours looked at
+
+  template <typename Visitor>
+  void visitFields(Visitor&& visit) {
+    visit("window", window, Range{3, 31});
+    visit("depth_change", depth_change, Range{0.001, 0.5});
+    visit("neighbors", neighbors, Range{3, 200});
+  }
+};
+
+/// A normal per pixel of a cloud; NaN where there is none (no point, too few neighbours).
+struct Normals {
+  std::vector<float> x, y, z;    ///< unit length, turned towards the viewpoint
+  std::vector<float> curvature;  ///< smallest eigenvalue over the sum, 0 (flat) to 1/3
+};
+
+/// Normals by the covariance of each point's neighbourhood: a window masked by range where the
+/// cloud is organised, the nearest neighbours where it is not. `viewpoint`: the sensor [m].
+Normals computeNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
+                       const NormalsOptions& options);
+
+/// Points one per cube of `leaf` [m] with normals from those of them within `radius` [m],
+/// turned towards `viewpoint`: how a cluster, a view and a model are sampled alike for
+/// descriptors and registration. Points with fewer than 4 neighbours are left out.
+Surface sampleSurface(const std::vector<Eigen::Vector3f>& points, double leaf, double radius,
+                      const Eigen::Vector3f& viewpoint);
+
+}  // namespace tabletop_perception

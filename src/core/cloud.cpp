@@ -1,0 +1,38 @@
+#include "tabletop_perception/cloud.h"
+
+namespace tabletop_perception {
+
+Cloud::Cloud(int width, int height, bool colored) : width(width), height(height) {
+  const auto n = static_cast<std::size_t>(width) * height;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  x.assign(n, nan);
+  y.assign(n, nan);
+  z.assign(n, nan);
+  if (colored) rgb.assign(n, 0);
+}
+
+Indices validIndices(const Cloud& cloud) {
+  Indices valid;
+  valid.reserve(cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i)
+    if (cloud.valid(i)) valid.push_back(static_cast<int>(i));
+  return valid;
+}
+
+Cloud selectPoints(const Cloud& cloud, const Indices& indices) {
+  Cloud selected(static_cast<int>(indices.size()), 1, cloud.colored());
+  for (std::size_t i = 0; i < indices.size(); ++i) {
+    selected.setPoint(i, cloud.point(indices[i]));
+    if (cloud.colored()) selected.rgb[i] = cloud.rgb[indices[i]];
+  }
+  return selected;
+}
+
+Cloud keepPoints(const Cloud& cloud, const Indices& indices) {
+  Cloud kept(cloud.width, cloud.height, false);
+  kept.rgb = cloud.rgb;
+  for (const int i : indices) kept.setPoint(i, cloud.point(i));
+  return kept;
+}
+
+}  // namespace tabletop_perception

@@ -1,0 +1,125 @@
+#include "tabletop_perception/geometry.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <unordered_map>
+
+#include <Eigen/Eigenvalues>
+
+#include "voxel_key.h"
+
+namespace tabletop_perception {
+
+Surface transformed(const Surface& source, const Eigen::Isometry3d& T_target_source) {
+  const Eigen::Isometry3f T = T_target_source.cast<float>();
+  Surface target;
+  target.points.reserve(source.size());
+  target.normals.reserve(source.size());
+  for (const auto& p : source.points) target.points.push_back(T * p);
+  for (const auto& n : source.normals) target.normals.push_back(T.linear() * n);
+  return target;
+}
+
+Eigen::Vector3f centroidOf(const std::vector<Eigen::Vector3f>& points) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const auto& p : points) sum += p.cast<double>();
+  return (sum / static_cast<double>(points.size())).cast<float>();
+}
+
+Surface downsampled(const Surface& surface, double leaf) {
+  if (!(leaf > 0))
+    throw std::invalid_argument("leaf must be positive, got " + std::to_string(leaf));
+  Surface out;
+  std::vector<int> counts;
+  std::unordered_map<VoxelKey, int, VoxelKeyHash> voxels;
+  for (std::size_t i = 0; i < surface.size(); ++i) {
+    const auto& p = surface.points[i];
+    const auto [it, fresh] =
+        voxels.try_emplace(VoxelKey::of(p, 1.0 / leaf), static_cast<int>(counts.size()));
+    if (fresh) {
+      out.points.emplace_back(Eigen::Vector3f::Zero());
+      out.normals.emplace_back(Eigen::Vector3f::Zero());
+      counts.push_back(0);
+    }
+    out.points[it->second] += p;
+    out.normals[it->second] += surface.normals[i];
+    ++counts[it->second];
+  }
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    out.points[i] /= static_cast<float>(counts[i]);
+    out.normals[i].normalize();
+  }
+  return out;
+}
+
+namespace {
+
+/// Columns: the principal axes, largest extent of the points first.
+Eigen::Matrix3d principalAxes(const std::vector<Eigen::Vector3f>& points) {
+  const Eigen::Vector3d mean = centroidOf(points).cast<double>();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (const auto& p : points) {
+    const Eigen::Vector3d d = p.cast<double>() - mean;
+    covariance += d * d.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
+  return solver.eigenvectors().rowwise().reverse();
+}
+
+/// As above, with one axis along `up`.
+Eigen::Matrix3d uprightAxes(const std::vector<Eigen::Vector3f>& points, const Eigen::Vector3d& up) {
+  std::vector<Eigen::Vector3f> flat;
+  flat.reserve(points.size());
+  for (const auto& p : points) {
+    const Eigen::Vector3d d = p.cast<double>();
+    flat.push_back((d - up * up.dot(d)).cast<float>());
+  }
+  Eigen::Matrix3d axes = principalAxes(flat);
+  axes.col(2) = up;
+  axes.col(0) = (axes.col(0) - up * up.dot(axes.col(0))).normalized();
+  axes.col(1) = axes.col(2).cross(axes.col(0));
+  return axes;
+}
+
+}  // namespace
+
+Box boxAround(const std::vector<Eigen::Vector3f>& points, const Eigen::Vector3d* up) {
+  Box box;
+  if (points.empty()) return box;
+  Eigen::Matrix3d axes = up ? uprightAxes(points, *up) : principalAxes(points);
+
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::max());
+  Eigen::Vector3d high = -low;
+  for (const auto& p : points) {
+    const Eigen::Vector3d q = axes.transpose() * p.cast<double>();
+    low = low.cwiseMin(q);
+    high = high.cwiseMax(q);
+  }
+  const Eigen::Vector3d center = axes * (low + high) / 2;
+  const Eigen::Vector3d size = high - low;
+
+  std::array<int, 3> order{0, 1, 2};
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return size[a] > size[b]; });
+  Eigen::Matrix3d sorted;
+  for (int i = 0; i < 3; ++i) {
+    sorted.col(i) = axes.col(order[i]);
+    box.size[i] = size[order[i]];
+  }
+  if (sorted.determinant() < 0) sorted.col(2) *= -1;
+  box.T_camera_box.linear() = sorted;
+  box.T_camera_box.translation() = center;
+  return box;
+}
+
+Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
+}
+
+double angleOf(const Eigen::Matrix3d& rotation) { return Eigen::AngleAxisd(rotation).angle(); }
+
+}  // namespace tabletop_perception

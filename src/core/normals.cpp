@@ -1,0 +1,136 @@
+#include "tabletop_perception/normals.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include <Eigen/Eigenvalues>
+
+#include "tabletop_perception/kd_tree.h"
+#include "voxel_key.h"
+
+namespace tabletop_perception {
+namespace {
+
+constexpr int MIN_NEIGHBORS = 4;  // three points always lie on a plane, whatever they are
+
+/// Sums over a neighbourhood, relative to its middle point so that float noise stays small.
+struct Moments {
+  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  Eigen::Matrix3f products = Eigen::Matrix3f::Zero();
+  int count = 0;
+
+  void add(const Eigen::Vector3f& d) {
+    sum += d;
+    products += d * d.transpose();
+    ++count;
+  }
+};
+
+struct PlaneFit {
+  Eigen::Vector3f normal;
+  float curvature;
+};
+
+/// The direction of least variance; none when the points are too few or lie on a line.
+std::optional<PlaneFit> fitPlane(const Moments& moments) {
+  if (moments.count < MIN_NEIGHBORS) return std::nullopt;
+  const float n = static_cast<float>(moments.count);
+  const Eigen::Matrix3f covariance =
+      moments.products / n - (moments.sum / n) * (moments.sum / n).transpose();
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3f> solver;
+  solver.computeDirect(covariance);
+  const Eigen::Vector3f values = solver.eigenvalues();
+  if (!(values[1] > 1e-3f * values[2])) return std::nullopt;
+  const float least = std::max(0.0f, values[0]);
+  return PlaneFit{solver.eigenvectors().col(0).normalized(),
+                  least / (least + values[1] + values[2])};
+}
+
+Eigen::Vector3f turnedTowards(const Eigen::Vector3f& normal, const Eigen::Vector3f& point,
+                              const Eigen::Vector3f& viewpoint) {
+  return normal.dot(viewpoint - point) < 0 ? Eigen::Vector3f(-normal) : normal;
+}
+
+Moments windowMoments(const Cloud& cloud, int index, float max_change, int half) {
+  const int column = index % cloud.width, row = index / cloud.width;
+  const Eigen::Vector3f middle = cloud.point(index);
+  const float range = middle.norm();
+  Moments moments;
+  for (int v = std::max(0, row - half); v <= std::min(cloud.height - 1, row + half); ++v)
+    for (int u = std::max(0, column - half); u <= std::min(cloud.width - 1, column + half); ++u) {
+      const int i = v * cloud.width + u;
+      if (!cloud.valid(i)) continue;
+      const Eigen::Vector3f p = cloud.point(i);
+      if (std::abs(p.norm() - range) <= max_change * range) moments.add(p - middle);
+    }
+  return moments;
+}
+
+Moments nearestMoments(const KdTree& tree, const Eigen::Vector3f& p, int k,
+                       std::vector<KdTree::Neighbor>& nearest) {
+  tree.nearest(p, k, nearest);
+  Moments moments;
+  for (const auto& neighbor : nearest) moments.add(tree.points()[neighbor.index] - p);
+  return moments;
+}
+
+std::vector<Eigen::Vector3f> voxelMeans(const std::vector<Eigen::Vector3f>& points, double leaf) {
+  Surface surface;
+  surface.points = points;
+  surface.normals.assign(points.size(), Eigen::Vector3f::UnitZ());
+  return downsampled(surface, leaf).points;
+}
+
+}  // namespace
+
+Normals computeNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
+                       const NormalsOptions& options) {
+  checkOptions("normals", options);
+  const std::vector<float> none(cloud.size(), std::numeric_limits<float>::quiet_NaN());
+  Normals normals{none, none, none, none};
+  const Indices valid = validIndices(cloud);
+
+  std::optional<KdTree> tree;
+  std::vector<KdTree::Neighbor> nearest;
+  if (!cloud.organized()) {
+    std::vector<Eigen::Vector3f> points;
+    points.reserve(valid.size());
+    for (const int i : valid) points.push_back(cloud.point(i));
+    tree.emplace(std::move(points));
+  }
+  for (const int i : valid) {
+    const Eigen::Vector3f p = cloud.point(i);
+    const auto fit =
+        fitPlane(tree ? nearestMoments(*tree, p, options.neighbors, nearest)
+                      : windowMoments(cloud, i, static_cast<float>(options.depth_change),
+                                      options.window / 2));
+    if (!fit) continue;
+    const Eigen::Vector3f normal = turnedTowards(fit->normal, p, viewpoint);
+    normals.x[i] = normal.x();
+    normals.y[i] = normal.y();
+    normals.z[i] = normal.z();
+    normals.curvature[i] = fit->curvature;
+  }
+  return normals;
+}
+
+Surface sampleSurface(const std::vector<Eigen::Vector3f>& points, double leaf, double radius,
+                      const Eigen::Vector3f& viewpoint) {
+  const KdTree tree(voxelMeans(points, leaf));
+  Surface surface;
+  std::vector<KdTree::Neighbor> within;
+  for (const auto& p : tree.points()) {
+    tree.within(p, radius, within);
+    Moments moments;
+    for (const auto& neighbor : within) moments.add(tree.points()[neighbor.index] - p);
+    const auto fit = fitPlane(moments);
+    if (!fit) continue;
+    surface.points.push_back(p);
+    surface.normals.push_back(turnedTowards(fit->normal, p, viewpoint));
+  }
+  return surface;
+}
+
+}  // namespace tabletop_perception

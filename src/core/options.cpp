@@ -1,0 +1,42 @@
+#include "tabletop_perception/options.h"
+
+#include <algorithm>
+
+#include "tabletop_perception/options_yaml.h"
+
+namespace tabletop_perception {
+namespace {
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string list;
+  for (const auto& word : words) list += (list.empty() ? "" : ", ") + word;
+  return list;
+}
+
+bool contains(const std::vector<std::string>& words, const std::string& word) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+}  // namespace
+
+void checkOption(const std::string& name, const std::string& value, const Choices& choices) {
+  if (!contains(choices.words, value))
+    throw std::invalid_argument(name + " must be one of " + joined(choices.words) + ", got '" +
+                                value + "'");
+}
+
+void checkYamlKeys(const std::string& section, const YAML::Node& yaml,
+                   const std::vector<std::string>& known) {
+  if (!yaml || yaml.IsNull()) return;
+  if (!yaml.IsMap())
+    throw std::invalid_argument(section + " must hold options by name, got '" + YAML::Dump(yaml) +
+                                "'");
+  for (const auto& entry : yaml) {
+    const auto key = entry.first.as<std::string>();
+    if (!contains(known, key))
+      throw std::invalid_argument("no such option: " + section + "." + key + "; there are " +
+                                  joined(known));
+  }
+}
+
+}  // namespace tabletop_perception
