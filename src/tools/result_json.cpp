@@ -1,0 +1,112 @@
+#include "result_json.h"
+
+#include <map>
+
+#include "tabletop_perception/geometry.h"
+
+namespace tabletop_perception::tools {
+using nlohmann::ordered_json;
+
+namespace {
+
+ordered_json arrayOf(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+ordered_json orNull(const std::string& reason) {
+  return reason.empty() ? ordered_json() : ordered_json(reason);
+}
+
+/// `sensor`: where the origin of the pose's frame is in the scene's own frame [m].
+ordered_json poseJson(const Eigen::Isometry3d& pose, const Eigen::Vector3d& sensor) {
+  Eigen::Quaterniond q(pose.linear());
+  if (q.w() < 0) q.coeffs() *= -1;
+  return {{"position", arrayOf(pose.translation() + sensor)},
+          {"orientation", {q.x(), q.y(), q.z(), q.w()}}};
+}
+
+ordered_json tableJson(const Table& table, const Eigen::Vector3d& sensor) {
+  const Eigen::Vector3d normal = table.plane.head<3>();
+  auto hull = ordered_json::array();
+  for (const auto& corner : hullInCamera(table)) hull.push_back(arrayOf(corner + sensor));
+  return {{"plane", {normal.x(), normal.y(), normal.z(), table.plane[3] - normal.dot(sensor)}},
+          {"pose", poseJson(table.T_camera_table, sensor)},
+          {"hull", hull},
+          {"inliers", table.inliers.size()},
+          {"rms", table.rms}};
+}
+
+ordered_json objectJson(int id, const SceneObject& object, bool named,
+                        const Eigen::Vector3d& sensor) {
+  ordered_json json = {{"id", id}, {"labels", object.labels}};
+  if (named) {
+    json["name"] = object.name;
+    json["score"] = object.score;
+  }
+  json["pose"] = poseJson(object.T_camera_object, sensor);
+  json["fitness"] = object.fitness;
+  json["visible"] = object.visible;
+  json["points"] = object.points;
+  json["box"] = {{"pose", poseJson(object.box.T_camera_box, sensor)},
+                 {"size", arrayOf(object.box.size)}};
+  json["reason"] = orNull(object.reason);
+  return json;
+}
+
+ordered_json timesJson(const std::map<std::string, double>& times_ms) {
+  auto json = ordered_json::object();
+  for (const auto& [stage, time] : times_ms)
+    if (stage != "total") json[stage] = time;
+  if (times_ms.count("total")) json["total"] = times_ms.at("total");
+  return json;
+}
+
+ordered_json sceneJson(const Scene& scene, const Segmentation& segmentation,
+                       const std::vector<SceneObject>& objects, bool named,
+                       const std::map<std::string, double>& times_ms) {
+  auto objects_json = ordered_json::array();
+  for (const auto& object : objects)
+    objects_json.push_back(
+        objectJson(static_cast<int>(objects_json.size()) + 1, object, named, scene.sensor));
+  return {
+      {"scene", scene.name},
+      {"frame_id", scene.frame_id},
+      {"stamp", scene.stamp},
+      {"table", segmentation.table ? tableJson(*segmentation.table, scene.sensor) : ordered_json()},
+      {"objects", objects_json},
+      {"times_ms", timesJson(times_ms)},
+      {"reason", orNull(segmentation.reason)}};
+}
+
+}  // namespace
+
+ordered_json recognitionJson(const Scene& scene, const Recognition& recognition) {
+  return sceneJson(scene, recognition.segmentation, recognition.objects, true,
+                   recognition.times_ms);
+}
+
+ordered_json segmentationJson(const Scene& scene, const Segmentation& segmentation) {
+  return sceneJson(scene, segmentation, clusterObjects(segmentation), false, segmentation.times_ms);
+}
+
+std::string jsonLine(const ordered_json& json) {
+  return json.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+}
+
+std::vector<SceneObject> clusterObjects(const Segmentation& segmentation) {
+  std::vector<SceneObject> objects;
+  for (const auto& cluster : segmentation.clusters) {
+    std::vector<Eigen::Vector3f> points;
+    for (const int i : cluster) points.push_back(segmentation.filtered.point(i));
+    Eigen::Vector3d up;
+    if (segmentation.table) up = segmentation.table->plane.head<3>();
+
+    SceneObject object;
+    object.labels = {static_cast<std::uint32_t>(objects.size()) + 2};
+    object.points = static_cast<int>(cluster.size());
+    object.box = boxAround(points, segmentation.table ? &up : nullptr);
+    object.T_camera_object = object.box.T_camera_box;
+    objects.push_back(object);
+  }
+  return objects;
+}
+
+}  // namespace tabletop_perception::tools

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "scene_source.h"
+#include "tabletop_perception/pipeline.h"
+
+namespace tabletop_perception::tools {
+
+/// What `recognize --json` prints for a scene (docs/command_line.md). Positions are in the scene's
+/// own frame, objects are numbered from 1.
+nlohmann::ordered_json recognitionJson(const Scene& scene, const Recognition& recognition);
+
+/// What `segment --json` prints: the same without names and scores.
+nlohmann::ordered_json segmentationJson(const Scene& scene, const Segmentation& segmentation);
+
+/// JSON as one line, with its end; bytes that are not UTF-8 (of a file's name) are replaced.
+std::string jsonLine(const nlohmann::ordered_json& json);
+
+/// The clusters of a segmentation as objects that nobody tried to name.
+std::vector<SceneObject> clusterObjects(const Segmentation& segmentation);
+
+}  // namespace tabletop_perception::tools
