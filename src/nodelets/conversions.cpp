@@ -1,10 +1,17 @@
 #include "conversions.h"
 
+#include <algorithm>
+#include <cctype>
+#include <cstring>
+
+#include <boost/make_shared.hpp>
+
 #include "tabletop_perception/packed_cloud.h"
 
 namespace tabletop_perception {
+namespace {
 
-Cloud cloudFromMessage(const sensor_msgs::PointCloud2& message) {
+PackedCloud packedView(const sensor_msgs::PointCloud2& message) {
   PackedCloud packed;
   packed.width = message.width;
   packed.height = message.height;
@@ -15,7 +22,197 @@ Cloud cloudFromMessage(const sensor_msgs::PointCloud2& message) {
     packed.fields.push_back({field.name, field.offset, field.datatype, field.count});
   packed.data = message.data.data();
   packed.data_size = message.data.size();
-  return unpackCloud(packed);
+  return packed;
+}
+
+/// Adds a field of four bytes at the end of the point and gives back its offset [bytes].
+std::uint32_t addField(sensor_msgs::PointCloud2& message, const std::string& name,
+                       std::uint8_t datatype) {
+  sensor_msgs::PointField field;
+  field.name = name;
+  field.offset = message.point_step;
+  field.datatype = datatype;
+  field.count = 1;
+  message.fields.push_back(field);
+  message.point_step += 4;
+  return field.offset;
+}
+
+template <typename T>
+void writeField(sensor_msgs::PointCloud2& message, std::uint32_t offset,
+                const std::vector<T>& values) {
+  static_assert(sizeof(T) == 4);
+  auto* to = message.data.data() + offset;
+  for (const T& value : values) {
+    std::memcpy(to, &value, sizeof(T));
+    to += message.point_step;
+  }
+}
+
+}  // namespace
+
+Cloud cloudFromMessage(const sensor_msgs::PointCloud2& message) {
+  return unpackCloud(packedView(message));
+}
+
+std::vector<std::uint32_t> labelsFromMessage(const sensor_msgs::PointCloud2& message) {
+  return unpackLabels(packedView(message));
+}
+
+sensor_msgs::PointCloud2Ptr messageFromCloud(const Cloud& cloud, const std_msgs::Header& header,
+                                             const std::vector<std::uint32_t>* labels) {
+  using sensor_msgs::PointField;
+  auto message = boost::make_shared<sensor_msgs::PointCloud2>();
+  message->header = header;
+  message->width = cloud.width;
+  message->height = cloud.height;
+  message->is_dense = false;
+
+  const auto x = addField(*message, "x", PointField::FLOAT32);
+  const auto y = addField(*message, "y", PointField::FLOAT32);
+  const auto z = addField(*message, "z", PointField::FLOAT32);
+  // The bits of a colour are declared as a float: what PCL and rviz expect.
+  const auto rgb = cloud.colored() ? addField(*message, "rgb", PointField::FLOAT32) : 0;
+  const auto label = labels ? addField(*message, "label", PointField::UINT32) : 0;
+
+  message->row_step = message->point_step * message->width;
+  message->data.resize(cloud.size() * message->point_step);
+  writeField(*message, x, cloud.x);
+  writeField(*message, y, cloud.y);
+  writeField(*message, z, cloud.z);
+  if (cloud.colored()) writeField(*message, rgb, cloud.rgb);
+  if (labels) writeField(*message, label, *labels);
+  return message;
+}
+
+geometry_msgs::Point messageFromPoint(const Eigen::Vector3d& point) {
+  geometry_msgs::Point message;
+  message.x = point.x();
+  message.y = point.y();
+  message.z = point.z();
+  return message;
+}
+
+Eigen::Vector3d pointFromMessage(const geometry_msgs::Point& message) {
+  return {message.x, message.y, message.z};
+}
+
+geometry_msgs::Pose messageFromPose(const Eigen::Isometry3d& pose) {
+  const Eigen::Quaterniond rotation(pose.linear());
+  geometry_msgs::Pose message;
+  message.position = messageFromPoint(pose.translation());
+  message.orientation.x = rotation.x();
+  message.orientation.y = rotation.y();
+  message.orientation.z = rotation.z();
+  message.orientation.w = rotation.w();
+  return message;
+}
+
+Eigen::Isometry3d poseFromMessage(const geometry_msgs::Pose& message) {
+  const auto& q = message.orientation;
+  return Eigen::Translation3d(pointFromMessage(message.position)) *
+         Eigen::Quaterniond(q.w, q.x, q.y, q.z).normalized();
+}
+
+geometry_msgs::TransformStamped transformMessage(const geometry_msgs::Pose& pose,
+                                                 const std_msgs::Header& header,
+                                                 const std::string& child_frame_id) {
+  geometry_msgs::TransformStamped message;
+  message.header = header;
+  message.child_frame_id = child_frame_id;
+  message.transform.translation.x = pose.position.x;
+  message.transform.translation.y = pose.position.y;
+  message.transform.translation.z = pose.position.z;
+  message.transform.rotation = pose.orientation;
+  return message;
+}
+
+TableMessagePtr messageFromTable(const Found<Table>& table, const std_msgs::Header& header) {
+  auto message = boost::make_shared<TableMessage>();
+  message->header = header;
+  message->reason = table.reason;
+  message->pose.orientation.w = 1;
+  if (!table) return message;
+
+  message->found = true;
+  std::copy_n(table->plane.data(), 4, message->plane.begin());
+  message->pose = messageFromPose(table->T_camera_table);
+  for (const auto& corner : hullInCamera(*table)) message->hull.push_back(messageFromPoint(corner));
+  message->inliers = table->inliers.size();
+  message->rms = table->rms;
+  return message;
+}
+
+std::optional<Table> tableFromMessage(const TableMessage& message) {
+  if (!message.found) return std::nullopt;
+  Table table;
+  std::copy_n(message.plane.begin(), 4, table.plane.data());
+  table.T_camera_table = poseFromMessage(message.pose);
+  const Eigen::Isometry3d T_table_camera = table.T_camera_table.inverse();
+  for (const auto& corner : message.hull)
+    table.hull.push_back((T_table_camera * pointFromMessage(corner)).head<2>());
+  table.rms = message.rms;
+  return table;
+}
+
+ClusterCandidates messageFromCandidates(std::uint32_t label,
+                                        const Found<std::vector<Candidate>>& candidates) {
+  ClusterCandidates message;
+  message.label = label;
+  message.reason = candidates.reason;
+  if (!candidates) return message;
+  for (const auto& candidate : *candidates) {
+    MatchCandidate entry;
+    entry.name = candidate.name;
+    entry.distance = candidate.distance;
+    entry.misfit = candidate.misfit;
+    entry.pose = messageFromPose(candidate.T_camera_object);
+    message.candidates.push_back(entry);
+  }
+  return message;
+}
+
+Found<std::vector<Candidate>> candidatesFromMessage(const ClusterCandidates& message) {
+  if (message.candidates.empty()) return Found<std::vector<Candidate>>::none(message.reason);
+  std::vector<Candidate> candidates;
+  for (const auto& entry : message.candidates) {
+    Candidate candidate;
+    candidate.name = entry.name;
+    candidate.distance = entry.distance;
+    candidate.misfit = entry.misfit;
+    candidate.T_camera_object = poseFromMessage(entry.pose);
+    candidates.push_back(candidate);
+  }
+  return candidates;
+}
+
+RecognizedObject messageFromObject(const SceneObject& object, std::uint32_t id,
+                                   const std_msgs::Header& header) {
+  RecognizedObject message;
+  message.header = header;
+  message.id = id;
+  message.name = object.name;
+  message.child_frame_id = objectFrame(object.name, id);
+  message.score = object.score;
+  message.pose = messageFromPose(object.T_camera_object);
+  message.fitness = object.fitness;
+  message.visible = object.visible;
+  message.labels = object.labels;
+  message.points = object.points;
+  message.box_pose = messageFromPose(object.box.T_camera_box);
+  message.box_size.x = object.box.size.x();
+  message.box_size.y = object.box.size.y();
+  message.box_size.z = object.box.size.z();
+  message.reason = object.reason;
+  return message;
+}
+
+std::string objectFrame(const std::string& name, std::uint32_t id) {
+  std::string frame = name + '_' + std::to_string(id);
+  const auto allowed = [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-'; };
+  std::replace_if(
+      frame.begin(), frame.end(), [&](char c) { return !allowed(c); }, '_');
+  return frame;
 }
 
 }  // namespace tabletop_perception

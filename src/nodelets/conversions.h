@@ -1,13 +1,65 @@
 #pragma once
 
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <geometry_msgs/Point.h>
+#include <geometry_msgs/Pose.h>
+#include <geometry_msgs/TransformStamped.h>
 #include <sensor_msgs/PointCloud2.h>
 
+#include <Eigen/Geometry>
+
+#include "messages.h"
 #include "tabletop_perception/cloud.h"
+#include "tabletop_perception/found.h"
+#include "tabletop_perception/match.h"
+#include "tabletop_perception/pipeline.h"
+#include "tabletop_perception/table.h"
 
 namespace tabletop_perception {
 
 /// The points of a message. Throws std::invalid_argument when its fields and sizes do not add up
 /// (see unpackCloud).
 Cloud cloudFromMessage(const sensor_msgs::PointCloud2& message);
+
+/// The `label` field of a message, one per point; throws std::invalid_argument without one.
+std::vector<std::uint32_t> labelsFromMessage(const sensor_msgs::PointCloud2& message);
+
+/// A cloud as fields x, y, z, rgb (where it has colour) and label (where there are labels, one per
+/// point), width and height as in the cloud.
+sensor_msgs::PointCloud2Ptr messageFromCloud(const Cloud& cloud, const std_msgs::Header& header,
+                                             const std::vector<std::uint32_t>* labels = nullptr);
+
+geometry_msgs::Point messageFromPoint(const Eigen::Vector3d& point);
+Eigen::Vector3d pointFromMessage(const geometry_msgs::Point& message);
+geometry_msgs::Pose messageFromPose(const Eigen::Isometry3d& pose);
+Eigen::Isometry3d poseFromMessage(const geometry_msgs::Pose& message);
+
+/// The pose of `child_frame_id` in the header's frame, for tf.
+geometry_msgs::TransformStamped transformMessage(const geometry_msgs::Pose& pose,
+                                                 const std_msgs::Header& header,
+                                                 const std::string& child_frame_id);
+
+/// A table, or why there is none.
+TableMessagePtr messageFromTable(const Found<Table>& table, const std_msgs::Header& header);
+
+/// The table in a message; its inliers' indices do not travel and are empty.
+std::optional<Table> tableFromMessage(const TableMessage& message);
+
+/// What a cluster may be, or why nothing.
+ClusterCandidates messageFromCandidates(std::uint32_t label,
+                                        const Found<std::vector<Candidate>>& candidates);
+Found<std::vector<Candidate>> candidatesFromMessage(const ClusterCandidates& message);
+
+/// A thing on the table, with the id that the tracker gave it.
+RecognizedObject messageFromObject(const SceneObject& object, std::uint32_t id,
+                                   const std_msgs::Header& header);
+
+/// `name` and `id` as a tf frame: <name>_<id>, with every character that is no letter, digit, '_'
+/// or '-' replaced by '_'.
+std::string objectFrame(const std::string& name, std::uint32_t id);
 
 }  // namespace tabletop_perception

@@ -1,0 +1,39 @@
+#include "options_ros.h"
+
+namespace tabletop_perception {
+namespace {
+
+using XmlRpc::XmlRpcValue;
+
+std::invalid_argument wrongType(const std::string& name, const XmlRpcValue& value,
+                                const std::string& right) {
+  return std::invalid_argument(name + " must be " + right + ", got " + value.toXml());
+}
+
+}  // namespace
+
+void readParameter(const std::string& name, XmlRpcValue value, double& to) {
+  if (value.getType() == XmlRpcValue::TypeInt)
+    to = static_cast<int>(value);
+  else if (value.getType() == XmlRpcValue::TypeDouble)
+    to = static_cast<double>(value);
+  else
+    throw wrongType(name, value, "a number");
+}
+
+void readParameter(const std::string& name, XmlRpcValue value, int& to) {
+  if (value.getType() != XmlRpcValue::TypeInt) throw wrongType(name, value, "a whole number");
+  to = static_cast<int>(value);
+}
+
+void readParameter(const std::string& name, XmlRpcValue value, bool& to) {
+  if (value.getType() != XmlRpcValue::TypeBoolean) throw wrongType(name, value, "true or false");
+  to = static_cast<bool>(value);
+}
+
+void readParameter(const std::string& name, XmlRpcValue value, std::string& to) {
+  if (value.getType() != XmlRpcValue::TypeString) throw wrongType(name, value, "a word");
+  to = static_cast<std::string>(value);
+}
+
+}  // namespace tabletop_perception

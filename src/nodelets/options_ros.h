@@ -1,0 +1,56 @@
+#pragma once
+
+#include <set>
+#include <stdexcept>
+#include <string>
+
+#include <XmlRpcValue.h>
+#include <dynamic_reconfigure/Config.h>
+#include <dynamic_reconfigure/config_tools.h>
+
+#include "tabletop_perception/options.h"
+
+namespace tabletop_perception {
+
+/// Copies a dynamic_reconfigure config into Options, field by name.
+template <typename Options, typename Config>
+Options optionsFromConfig(const Config& config) {
+  dynamic_reconfigure::Config message;
+  config.__toMessage__(message);
+  Options options;
+  options.visitFields([&](const std::string& name, auto& field, const auto&...) {
+    dynamic_reconfigure::ConfigTools::getParameter(message, name, field);
+  });
+  return options;
+}
+
+/// Reads one parameter; throws std::invalid_argument with its name when it has another type. A
+/// whole number is fine for a double.
+void readParameter(const std::string& name, XmlRpc::XmlRpcValue value, double& to);
+void readParameter(const std::string& name, XmlRpc::XmlRpcValue value, int& to);
+void readParameter(const std::string& name, XmlRpc::XmlRpcValue value, bool& to);
+void readParameter(const std::string& name, XmlRpc::XmlRpcValue value, std::string& to);
+
+/// Checks a node's parameters against Options: throws std::invalid_argument for a key that is
+/// neither a field nor one of `known`, for a wrong type, and for a value out of range.
+template <typename Options>
+void checkParameters(const std::string& node, XmlRpc::XmlRpcValue parameters,
+                     std::set<std::string> known) {
+  if (parameters.getType() != XmlRpc::XmlRpcValue::TypeStruct) return;  // nothing is set
+  Options options;
+  options.visitFields([&](const std::string& name, auto& field, const auto&... limits) {
+    known.insert(name);
+    if (!parameters.hasMember(name)) return;
+    readParameter(node + "/" + name, parameters[name], field);
+    (checkOption(node + "/" + name, field, limits), ...);
+  });
+
+  std::string list;
+  for (const auto& name : known) list += (list.empty() ? "" : ", ") + name;
+  for (const auto& [name, value] : parameters)
+    if (!known.count(name))
+      throw std::invalid_argument("no such parameter: " + node + "/" + name + "; there are " +
+                                  list);
+}
+
+}  // namespace tabletop_perception
