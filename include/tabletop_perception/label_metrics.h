@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -69,8 +70,8 @@ struct OverlapSummary {
   std::size_t objects = 0;                  ///< in the truth
   std::size_t found = 0;                    ///< matched with an IoU of at least 0.75
 
-  /// found / objects; 1 of none.
-  double foundShare() const;
+  /// found / objects; none without objects.
+  std::optional<double> foundShare() const;
 };
 
 struct LabelSummary {

@@ -268,7 +268,10 @@ LabelScore scoreLabels(const std::vector<std::uint32_t>& truth,
   return score;
 }
 
-double OverlapSummary::foundShare() const { return objects == 0 ? 1.0 : share(found, objects); }
+std::optional<double> OverlapSummary::foundShare() const {
+  if (objects == 0) return std::nullopt;
+  return share(found, objects);
+}
 
 LabelSummary summarize(const std::vector<LabelScore>& scores) {
   if (scores.empty()) throw std::invalid_argument("no scene to summarize");

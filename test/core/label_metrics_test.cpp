@@ -195,9 +195,10 @@ TEST(LabelMetrics, aSummaryIsTheMeanOfScenesAndThePoolOfObjects) {
   EXPECT_DOUBLE_EQ(summary.best.f, (1 + 1500.0 / 1750 + 1480.0 / 1740) / 3);
   EXPECT_EQ(summary.best.objects, 4u);
   EXPECT_EQ(summary.best.found, 3u);
-  EXPECT_DOUBLE_EQ(summary.best.foundShare(), 0.75);
+  EXPECT_EQ(summary.best.foundShare(), 0.75);
   EXPECT_DOUBLE_EQ(summary.table_iou, 2.5 / 3);
   EXPECT_DOUBLE_EQ(summary.worst_table_iou, 0.5);
+  EXPECT_EQ(summarize({Scene().add(500, 1, 1).score()}).best.foundShare(), std::nullopt);
 }
 
 TEST(LabelMetrics, refusesCloudsOfDifferentSizeAndNoScenes) {

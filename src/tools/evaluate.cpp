@@ -1,0 +1,135 @@
+#include "evaluate.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <stdexcept>
+
+#include <CLI/CLI.hpp>
+
+#include "commands.h"
+
+namespace tabletop_perception::tools {
+namespace fs = std::filesystem;
+
+void checkFolder(const fs::path& folder, const std::string& option) {
+  if (!fs::is_directory(folder))
+    throw std::invalid_argument(option + " must be a folder, got '" + folder.string() + "'");
+}
+
+void visitJson(const fs::path& file,
+               const std::function<void(const nlohmann::json& content)>& visit) {
+  std::ifstream stream(file);
+  if (!stream) throw std::invalid_argument("cannot read " + file.string());
+  try {
+    visit(nlohmann::json::parse(stream));
+  } catch (const nlohmann::json::exception& error) {
+    throw std::invalid_argument(file.string() + " cannot be understood: " + error.what());
+  }
+}
+
+std::map<std::string, fs::path> findResults(const fs::path& results,
+                                            const std::vector<std::string>& scenes,
+                                            const std::string& extension) {
+  std::map<std::string, fs::path> found;
+  for (const auto& entry : fs::directory_iterator(results))
+    if (entry.path().extension() == extension) found[entry.path().stem().string()] = entry.path();
+
+  std::vector<std::string> missing;
+  for (const auto& scene : scenes)
+    if (found.count(scene) == 0) missing.push_back(scene);
+  if (missing.size() == scenes.size())
+    throw std::invalid_argument("no result for any of the " + std::to_string(scenes.size()) +
+                                " scenes: looked for " +
+                                (results / (scenes.front() + extension)).string() + " and so on");
+  for (const auto& scene : missing)
+    std::fprintf(stderr, "tabletop: no %s: scene %s counts as nothing found\n",
+                 (results / (scene + extension)).c_str(), scene.c_str());
+  for (auto entry = found.begin(); entry != found.end();) {
+    if (std::find(scenes.begin(), scenes.end(), entry->first) != scenes.end()) {
+      ++entry;
+      continue;
+    }
+    std::fprintf(stderr, "tabletop: %s has no truth and does not count\n", entry->second.c_str());
+    entry = found.erase(entry);
+  }
+  return found;
+}
+
+void printColumns(const std::vector<std::vector<std::string>>& rows) {
+  std::vector<std::size_t> widths;
+  for (const auto& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()), 0);
+    for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
+  }
+  for (const auto& row : rows) {
+    for (std::size_t c = 0; c < row.size(); ++c) {
+      const int width = static_cast<int>(widths[c]);
+      std::printf(c == 0 ? "%*s" : "  %*s", c == 0 ? -width : width, row[c].c_str());
+    }
+    std::printf("\n");
+  }
+}
+
+std::string formatted(std::optional<double> value, double scale, int digits) {
+  if (!value) return "-";
+  char text[32];
+  std::snprintf(text, sizeof text, "%.*f", digits, *value * scale);
+  return text;
+}
+
+nlohmann::ordered_json orNull(std::optional<double> value) {
+  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json();
+}
+
+namespace {
+
+struct EvaluateArguments {
+  std::string labels, poses, models, results;
+  bool json = false;
+};
+
+void evaluate(const EvaluateArguments& arguments) {
+  checkFolder(arguments.results, "--results");
+  if (!arguments.labels.empty())
+    evaluateLabels(arguments.labels, arguments.results, arguments.json);
+  else
+    evaluatePoses(arguments.poses, arguments.models, arguments.results, arguments.json);
+}
+
+}  // namespace
+
+void addEvaluate(CLI::App& app) {
+  auto* command = app.add_subcommand("evaluate", "compare results with the truth");
+  const auto arguments = std::make_shared<EvaluateArguments>();
+  auto* truth = command->add_option_group("truth");
+  truth->add_option("--labels", arguments->labels,
+                    "folder of NAME.pcd with the truth as labels: 0 invalid, 1-9 table, 20-29 "
+                    "parts of object 1, 30-39 of object 2 ...; gt_summary.json there may say the "
+                    "scenes' categories");
+  auto* poses = truth->add_option("--poses", arguments->poses,
+                                  "folder of NAME/gt.json with the truth as poses");
+  truth->require_option(1);
+  auto* models = command->add_option("--models", arguments->models,
+                                     "folder of OBJECT/mesh.ply [m]; models_info.json there may "
+                                     "say the objects' symmetries");
+  poses->needs(models);
+  models->needs(poses);
+  command
+      ->add_option("--results", arguments->results,
+                   "folder of NAME.pcd from segment --output, or NAME.json from recognize --output")
+      ->required();
+  command->add_flag("--json", arguments->json, "print one JSON object (shares 0 to 1, metres)");
+  command->footer(
+      "Labels: F, precision and recall of the points that matched segments and objects share, as\n"
+      "means over scenes; objects matched with an IoU of at least 0.75, over all scenes; IoU of\n"
+      "the table. An object in parts counts as a whole or in parts, whichever fits better.\n"
+      "Poses: right is the right name and no vertex off by 0.1 diameters (MSSD, over symmetries);\n"
+      "ADD-S counts below 0.1 diameters, its AUC goes to 10 cm; precision is right / results.\n"
+      "Exit code: 0 done, 2 bad usage or unreadable input.\n"
+      "Example: tabletop evaluate --labels truth --results segmented");
+  command->callback([arguments] { evaluate(*arguments); });
+}
+
+}  // namespace tabletop_perception::tools

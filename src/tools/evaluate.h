@@ -1,0 +1,48 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+/// The two halves of `tabletop evaluate`, and what they share. All throw std::invalid_argument for
+/// input that is missing or not as it should be.
+namespace tabletop_perception::tools {
+
+/// Compares results as `segment --output` writes them with PCDs that have a truth in `label`.
+void evaluateLabels(const std::filesystem::path& truth, const std::filesystem::path& results,
+                    bool json);
+
+/// Compares results as `recognize --output` writes them with folders that have a gt.json.
+void evaluatePoses(const std::filesystem::path& truth, const std::filesystem::path& models,
+                   const std::filesystem::path& results, bool json);
+
+/// Throws unless it is a folder. `option`: the name that it was given under.
+void checkFolder(const std::filesystem::path& folder, const std::string& option);
+
+/// Reads a file and hands its content to `visit`; a file that is no JSON, or in which `visit` finds
+/// something missing or of another type, throws with the file's name.
+void visitJson(const std::filesystem::path& file,
+               const std::function<void(const nlohmann::json& content)>& visit);
+
+/// The result of each scene, results/NAME + `extension`; a scene without one is named on stderr.
+/// So are results without a truth. Throws if no scene has a result.
+std::map<std::string, std::filesystem::path> findResults(const std::filesystem::path& results,
+                                                         const std::vector<std::string>& scenes,
+                                                         const std::string& extension);
+
+/// Prints rows of as many cells each as columns on stdout; the first column to the left, the others
+/// to the right. A row without cells is an empty line.
+void printColumns(const std::vector<std::vector<std::string>>& rows);
+
+/// A value with so many digits behind the point, times `scale`; "-" for none.
+std::string formatted(std::optional<double> value, double scale, int digits);
+
+/// A value, null for none.
+nlohmann::ordered_json orNull(std::optional<double> value);
+
+}  // namespace tabletop_perception::tools
