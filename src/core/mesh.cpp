@@ -1,0 +1,423 @@
+#include "tabletop_perception/mesh.h"
+
+#include <embree3/rtcore.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <unordered_map>
+
+#include <assimp/config.h>
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+#include <assimp/Importer.hpp>
+
+namespace tabletop_perception {
+namespace {
+
+constexpr double MAX_DIAMETER = 2.0;   // [m]
+constexpr double MIN_DIAMETER = 0.01;  // [m]
+
+std::uint32_t packColor(const aiColor4D& c) {
+  const auto byte = [](float v) {
+    return static_cast<std::uint32_t>(std::lround(std::clamp(v, 0.0f, 1.0f) * 255));
+  };
+  return byte(c.r) << 16 | byte(c.g) << 8 | byte(c.b);
+}
+
+/// Adds triangles to a mesh; vertices of equal position and colour become one.
+class MeshBuilder {
+ public:
+  int addVertex(const Eigen::Vector3f& position, std::uint32_t color) {
+    const auto [entry, is_new] = index_.try_emplace(
+        Key{position.x(), position.y(), position.z(), color}, mesh.vertices.size());
+    if (is_new) {
+      mesh.vertices.push_back(position);
+      mesh.colors.push_back(color);
+    }
+    return entry->second;
+  }
+
+  Mesh mesh;
+
+ private:
+  struct Key {
+    float x, y, z;
+    std::uint32_t color;
+    bool operator==(const Key& o) const {
+      return x == o.x && y == o.y && z == o.z && color == o.color;
+    }
+  };
+  struct Hash {
+    std::size_t operator()(const Key& k) const {
+      const std::hash<float> hash;
+      std::size_t h = k.color;
+      for (const float v : {k.x, k.y, k.z}) h = h * 0x9E3779B97F4A7C15u + hash(v);
+      return h;
+    }
+  };
+  std::unordered_map<Key, int, Hash> index_;
+};
+
+void addMesh(const aiMesh& part, const aiMatrix4x4& T_root_node, double unit,
+             MeshBuilder& builder) {
+  std::vector<int> index(part.mNumVertices, -1);
+  const auto vertex = [&](unsigned i) {
+    if (index[i] < 0) {
+      const aiVector3D p = T_root_node * part.mVertices[i] * static_cast<float>(unit);
+      const std::uint32_t color = part.HasVertexColors(0) ? packColor(part.mColors[0][i]) : 0;
+      index[i] = builder.addVertex({p.x, p.y, p.z}, color);
+    }
+    return index[i];
+  };
+  for (unsigned f = 0; f < part.mNumFaces; ++f) {
+    const aiFace& face = part.mFaces[f];
+    if (face.mNumIndices != 3) continue;  // points and lines
+    const int a = vertex(face.mIndices[0]);
+    const int b = vertex(face.mIndices[1]);
+    const int c = vertex(face.mIndices[2]);
+    builder.mesh.faces.emplace_back(a, b, c);
+  }
+}
+
+void addNode(const aiScene& scene, const aiNode& node, const aiMatrix4x4& T_root_parent,
+             double unit, MeshBuilder& builder) {
+  const aiMatrix4x4 T_root_node = T_root_parent * node.mTransformation;
+  for (unsigned m = 0; m < node.mNumMeshes; ++m)
+    addMesh(*scene.mMeshes[node.mMeshes[m]], T_root_node, unit, builder);
+  for (unsigned c = 0; c < node.mNumChildren; ++c)
+    addNode(scene, *node.mChildren[c], T_root_node, unit, builder);
+}
+
+/// Whether a .ply file has its header whole. Assimp never returns from one that is cut short in it.
+bool hasWholePlyHeader(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::string text(64 * 1024, '\0');
+  in.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(in.gcount()));
+  return text.find("end_header") != std::string::npos;
+}
+
+/// False for faces that speak of no vertex or of one that is not there, as a file that was cut
+/// short gives them. Assimp lets them pass and then aborts the process while it triangulates.
+bool hasSoundFaces(const aiMesh& part) {
+  return std::all_of(part.mFaces, part.mFaces + part.mNumFaces, [&](const aiFace& face) {
+    return face.mNumIndices > 0 && std::all_of(face.mIndices, face.mIndices + face.mNumIndices,
+                                               [&](unsigned i) { return i < part.mNumVertices; });
+  });
+}
+
+/// A kd-tree of boxes for the search of the farthest pair.
+class FarthestPair {
+ public:
+  explicit FarthestPair(const std::vector<Eigen::Vector3f>& points) : points_(points) {
+    nodes_.reserve(points.size());
+    build(0, static_cast<int>(points_.size()));
+  }
+
+  double squaredDistance() {
+    best_ = sweep();
+    search(0, 0);
+    return best_;
+  }
+
+ private:
+  static constexpr int LEAF = 8;
+  struct Node {
+    Eigen::AlignedBox3f box;
+    int begin, end;
+    int left = -1, right = -1;
+    bool leaf() const { return left < 0; }
+  };
+
+  int build(int begin, int end) {
+    const int id = static_cast<int>(nodes_.size());
+    nodes_.push_back({Eigen::AlignedBox3f(), begin, end});
+    for (int i = begin; i < end; ++i) nodes_[id].box.extend(points_[i]);
+    if (end - begin <= LEAF) return id;
+    int axis;
+    nodes_[id].box.sizes().maxCoeff(&axis);
+    const int middle = (begin + end) / 2;
+    std::nth_element(points_.begin() + begin, points_.begin() + middle, points_.begin() + end,
+                     [axis](const auto& a, const auto& b) { return a[axis] < b[axis]; });
+    const int left = build(begin, middle);
+    const int right = build(middle, end);
+    nodes_[id].left = left;
+    nodes_[id].right = right;
+    return id;
+  }
+
+  /// A good pair to begin with: the farthest from a point, then the farthest from that one.
+  double sweep() const {
+    double best = 0;
+    Eigen::Vector3f from = points_.front();
+    for (int round = 0; round < 4; ++round) {
+      const auto farthest =
+          *std::max_element(points_.begin(), points_.end(), [&from](const auto& a, const auto& b) {
+            return (a - from).squaredNorm() < (b - from).squaredNorm();
+          });
+      best = std::max(best, (farthest - from).cast<double>().squaredNorm());
+      from = farthest;
+    }
+    return best;
+  }
+
+  static double bound(const Node& a, const Node& b) {
+    const Eigen::Vector3d reach = (a.box.max() - b.box.min())
+                                      .cast<double>()
+                                      .cwiseMax((b.box.max() - a.box.min()).cast<double>());
+    return reach.squaredNorm();
+  }
+
+  void search(int ia, int ib) {
+    const Node &a = nodes_[ia], &b = nodes_[ib];
+    if (bound(a, b) <= best_) return;
+    if (a.leaf() && b.leaf()) {
+      for (int i = a.begin; i < a.end; ++i)
+        for (int j = b.begin; j < b.end; ++j)
+          best_ = std::max(best_, (points_[i] - points_[j]).cast<double>().squaredNorm());
+    } else if (ia == ib) {
+      search(a.left, a.right);
+      search(a.left, a.left);
+      search(a.right, a.right);
+    } else if (b.leaf() || (!a.leaf() && a.end - a.begin >= b.end - b.begin)) {
+      searchBoth(a.left, a.right, ib);
+    } else {
+      searchBoth(b.left, b.right, ia);
+    }
+  }
+
+  void searchBoth(int first, int second, int other) {
+    if (bound(nodes_[first], nodes_[other]) < bound(nodes_[second], nodes_[other]))
+      std::swap(first, second);
+    search(first, other);
+    search(second, other);
+  }
+
+  std::vector<Eigen::Vector3f> points_;
+  std::vector<Node> nodes_;
+  double best_ = 0;
+};
+
+/// Columns [first, last) and rows of the image that a mesh may touch.
+struct PixelBox {
+  int left, right, top, bottom;
+};
+
+PixelBox pixelsOf(const Eigen::AlignedBox3f& box, const Eigen::Isometry3d& T_camera_object,
+                  const Projection& projection) {
+  const PixelBox whole{0, projection.width, 0, projection.height};
+  Eigen::AlignedBox2d pixels;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Eigen::Vector3d p =
+        T_camera_object *
+        box.corner(static_cast<Eigen::AlignedBox3f::CornerType>(corner)).cast<double>();
+    if (p.z() * projection.forward < 1e-3) return whole;  // reaches behind the camera
+    pixels.extend(projection.pixel(p));
+  }
+  const auto clamped = [](double v, int max) {
+    return static_cast<int>(std::clamp(v, 0.0, static_cast<double>(max)));
+  };
+  return {clamped(std::floor(pixels.min().x()), projection.width),
+          clamped(std::floor(pixels.max().x()) + 1, projection.width),
+          clamped(std::floor(pixels.min().y()), projection.height),
+          clamped(std::floor(pixels.max().y()) + 1, projection.height)};
+}
+
+std::uint32_t mixColors(const std::array<std::uint32_t, 3>& colors,
+                        const std::array<float, 3>& weights) {
+  std::uint32_t mixed = 0;
+  for (const int shift : {16, 8, 0}) {
+    float channel = 0;
+    for (int k = 0; k < 3; ++k)
+      channel += weights[k] * static_cast<float>(colors[k] >> shift & 0xFF);
+    mixed |= static_cast<std::uint32_t>(std::lround(std::clamp(channel, 0.0f, 255.0f))) << shift;
+  }
+  return mixed;
+}
+
+}  // namespace
+
+void checkObjectMesh(const Mesh& mesh) {
+  if (mesh.faces.empty()) throw std::invalid_argument("the mesh has no faces");
+  for (const auto& vertex : mesh.vertices)
+    if (!vertex.allFinite())
+      throw std::invalid_argument("the mesh has vertices that are not finite");
+  const double diameter = diameterOf(mesh.vertices);
+  if (diameter >= MIN_DIAMETER && diameter <= MAX_DIAMETER) return;
+  std::ostringstream message;
+  message << "the mesh has a diameter of " << diameter << " m, an object has " << MIN_DIAMETER
+          << " to " << MAX_DIAMETER << " m";
+  if (diameter > MAX_DIAMETER) message << "; is the file in millimetres? use --unit mm";
+  if (diameter < MIN_DIAMETER) message << "; is the file in metres? use --unit m";
+  throw std::invalid_argument(message.str());
+}
+
+Mesh readMesh(const std::filesystem::path& file, double unit) {
+  if (!std::filesystem::is_regular_file(file))
+    throw std::invalid_argument(file.string() + ": no such file");
+  Assimp::Importer importer;
+  // The axes of a .dae stay as its author wrote them, as everywhere in ROS.
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
+  const auto refuse = [&file](const std::string& why) {
+    throw std::invalid_argument(file.string() + ": cannot be read as a mesh: " + why);
+  };
+  if (file.extension() == ".ply" && !hasWholePlyHeader(file))
+    refuse("it is no .ply file, or cut short in the header");
+  const aiScene* scene = importer.ReadFile(file.string(), 0);
+  if (!scene || !scene->mRootNode) {
+    const std::string why = importer.GetErrorString();
+    refuse(why.substr(0, why.find('\n')));
+  }
+  const auto sound = [](const aiMesh* part) { return hasSoundFaces(*part); };
+  if (!std::all_of(scene->mMeshes, scene->mMeshes + scene->mNumMeshes, sound))
+    refuse("it has faces without vertices; is it cut short?");
+  scene = importer.ApplyPostProcessing(aiProcess_Triangulate);
+  MeshBuilder builder;
+  addNode(*scene, *scene->mRootNode, aiMatrix4x4(), unit, builder);
+  Mesh mesh = std::move(builder.mesh);
+  const auto colored = [](const aiMesh* part) { return part->HasVertexColors(0); };
+  if (std::none_of(scene->mMeshes, scene->mMeshes + scene->mNumMeshes, colored))
+    mesh.colors.clear();
+  try {
+    checkObjectMesh(mesh);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(file.string() + ": " + error.what());
+  }
+  return mesh;
+}
+
+double diameterOf(const std::vector<Eigen::Vector3f>& vertices) {
+  if (vertices.empty()) return 0;
+  return std::sqrt(FarthestPair(vertices).squaredDistance());
+}
+
+struct MeshRenderer::Scene {
+  explicit Scene(const Mesh& mesh) : faces(mesh.faces), colors(mesh.colors) {
+    device = rtcNewDevice("threads=1");
+    if (!device) throw std::runtime_error("Embree gives no device");
+    scene = rtcNewScene(device);
+    rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);  // no ray slips through an edge
+    const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    auto* vertices = static_cast<float*>(
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                3 * sizeof(float), mesh.vertices.size()));
+    for (const auto& v : mesh.vertices) {
+      vertices = std::copy(v.data(), v.data() + 3, vertices);
+      box.extend(v);
+    }
+    auto* indices = static_cast<unsigned*>(
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                3 * sizeof(unsigned), mesh.faces.size()));
+    for (const auto& f : mesh.faces) indices = std::copy(f.data(), f.data() + 3, indices);
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometry(scene, geometry);
+    rtcReleaseGeometry(geometry);
+    rtcCommitScene(scene);
+  }
+  ~Scene() {
+    rtcReleaseScene(scene);
+    rtcReleaseDevice(device);
+  }
+
+  std::uint32_t colorAt(const RTCHit& hit) const {
+    const Eigen::Vector3i& face = faces[hit.primID];
+    return mixColors({colors[face[0]], colors[face[1]], colors[face[2]]},
+                     {1 - hit.u - hit.v, hit.u, hit.v});
+  }
+
+  RTCDevice device = nullptr;
+  RTCScene scene = nullptr;
+  std::vector<Eigen::Vector3i> faces;
+  std::vector<std::uint32_t> colors;
+  Eigen::AlignedBox3f box;
+};
+
+MeshRenderer::MeshRenderer(const Mesh& mesh) {
+  if (mesh.faces.empty()) throw std::invalid_argument("a mesh without faces cannot be rendered");
+  scene_ = std::make_unique<Scene>(mesh);
+}
+
+MeshRenderer::~MeshRenderer() = default;
+
+Cloud MeshRenderer::render(const Eigen::Isometry3d& T_camera_object,
+                           const Projection& projection) const {
+  Cloud cloud(projection.width, projection.height, !scene_->colors.empty());
+  const PixelBox pixels = pixelsOf(scene_->box, T_camera_object, projection);
+  if (pixels.left >= pixels.right) return cloud;
+
+  const Eigen::Matrix3f R_object_camera = T_camera_object.linear().transpose().cast<float>();
+  const Eigen::Vector3f origin = T_camera_object.inverse().translation().cast<float>();
+  const auto directionOf = [&](int column, int row) -> Eigen::Vector3f {
+    const Eigen::Vector3d d{(column - projection.cx) / projection.fx,
+                            (row - projection.cy) / projection.fy, 1};
+    return (projection.forward * d).cast<float>();
+  };
+
+  std::vector<RTCRayHit> rays(pixels.right - pixels.left);
+  for (int row = pixels.top; row < pixels.bottom; ++row) {
+    for (int column = pixels.left; column < pixels.right; ++column) {
+      const Eigen::Vector3f d = R_object_camera * directionOf(column, row);
+      RTCRayHit& ray = rays[column - pixels.left];
+      ray = {};
+      ray.ray.org_x = origin.x(), ray.ray.org_y = origin.y(), ray.ray.org_z = origin.z();
+      ray.ray.dir_x = d.x(), ray.ray.dir_y = d.y(), ray.ray.dir_z = d.z();
+      ray.ray.tfar = std::numeric_limits<float>::infinity();
+      ray.ray.mask = ~0u;
+      ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    }
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    rtcIntersect1M(scene_->scene, &context, rays.data(), rays.size(), sizeof(RTCRayHit));
+    for (int column = pixels.left; column < pixels.right; ++column) {
+      const RTCRayHit& ray = rays[column - pixels.left];
+      if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) continue;
+      const std::size_t i = static_cast<std::size_t>(row) * projection.width + column;
+      cloud.setPoint(i, directionOf(column, row) * ray.ray.tfar);
+      if (cloud.colored()) cloud.rgb[i] = scene_->colorAt(ray.hit);
+    }
+  }
+  return cloud;
+}
+
+std::vector<Eigen::Vector3d> icosphereDirections() {
+  const double g = (1 + std::sqrt(5.0)) / 2;
+  const std::array<Eigen::Vector3d, 12> corners{{{-1, g, 0},
+                                                 {1, g, 0},
+                                                 {-1, -g, 0},
+                                                 {1, -g, 0},
+                                                 {0, -1, g},
+                                                 {0, 1, g},
+                                                 {0, -1, -g},
+                                                 {0, 1, -g},
+                                                 {g, 0, -1},
+                                                 {g, 0, 1},
+                                                 {-g, 0, -1},
+                                                 {-g, 0, 1}}};
+  constexpr int FACES[20][3] = {{0, 11, 5}, {0, 5, 1},  {0, 1, 7},   {0, 7, 10}, {0, 10, 11},
+                                {1, 5, 9},  {5, 11, 4}, {11, 10, 2}, {10, 7, 6}, {7, 1, 8},
+                                {3, 9, 4},  {3, 4, 2},  {3, 2, 6},   {3, 6, 8},  {3, 8, 9},
+                                {4, 9, 5},  {2, 4, 11}, {6, 2, 10},  {8, 6, 7},  {9, 8, 1}};
+  std::vector<Eigen::Vector3d> directions;
+  for (const auto& face : FACES) {
+    const Eigen::Vector3d a = corners[face[0]].normalized();
+    const Eigen::Vector3d b = corners[face[1]].normalized();
+    const Eigen::Vector3d c = corners[face[2]].normalized();
+    const Eigen::Vector3d ab = (a + b).normalized();
+    const Eigen::Vector3d bc = (b + c).normalized();
+    const Eigen::Vector3d ca = (c + a).normalized();
+    directions.push_back((a + ab + ca).normalized());
+    directions.push_back((b + bc + ab).normalized());
+    directions.push_back((c + ca + bc).normalized());
+    directions.push_back((ab + bc + ca).normalized());
+  }
+  return directions;
+}
+
+}  // namespace tabletop_perception
