@@ -2,8 +2,6 @@
 
 #include <map>
 
-#include "tabletop_perception/geometry.h"
-
 namespace tabletop_perception::tools {
 using nlohmann::ordered_json;
 
@@ -94,17 +92,8 @@ std::string jsonLine(const ordered_json& json) {
 std::vector<SceneObject> clusterObjects(const Segmentation& segmentation) {
   std::vector<SceneObject> objects;
   for (const auto& cluster : segmentation.clusters) {
-    std::vector<Eigen::Vector3f> points;
-    for (const int i : cluster) points.push_back(segmentation.filtered.point(i));
-    Eigen::Vector3d up;
-    if (segmentation.table) up = segmentation.table->plane.head<3>();
-
-    SceneObject object;
-    object.labels = {static_cast<std::uint32_t>(objects.size()) + 2};
-    object.points = static_cast<int>(cluster.size());
-    object.box = boxAround(points, segmentation.table ? &up : nullptr);
-    object.T_camera_object = object.box.T_camera_box;
-    objects.push_back(object);
+    const auto label = static_cast<std::uint32_t>(objects.size()) + 2;
+    objects.push_back(unknownObject(segmentation.filtered, cluster, label, segmentation.table));
   }
   return objects;
 }
