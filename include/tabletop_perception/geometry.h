@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -35,7 +36,7 @@ struct Box {
 /// The box of the points' extents along their principal axes (z completes a right-handed frame);
 /// with `up`, one axis of it is `up` and the others are principal in the plane across it.
 /// Of no points: an empty box.
-Box boxAround(const std::vector<Eigen::Vector3f>& points, const Eigen::Vector3d* up = nullptr);
+Box boxAround(const std::vector<Eigen::Vector3f>& points, const std::optional<Eigen::Vector3d>& up);
 
 /// The rotation by the smallest angle that turns direction `from` into direction `to` [unit].
 Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to);

@@ -88,7 +88,8 @@ Eigen::Matrix3d uprightAxes(const std::vector<Eigen::Vector3f>& points, const Ei
 
 }  // namespace
 
-Box boxAround(const std::vector<Eigen::Vector3f>& points, const Eigen::Vector3d* up) {
+Box boxAround(const std::vector<Eigen::Vector3f>& points,
+              const std::optional<Eigen::Vector3d>& up) {
   Box box;
   if (points.empty()) return box;
   Eigen::Matrix3d axes = up ? uprightAxes(points, *up) : principalAxes(points);

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "tabletop_perception/cloud.h"
+#include "tabletop_perception/options.h"
+
+namespace tabletop_perception {
+
+struct ClusterOptions {
+  double tolerance = 0.015;  ///< largest gap between two points of one object [m]
+  int min_points = 300;      ///< smaller clusters are dropped
+  int max_points = 200000;   ///< larger clusters are dropped
+
+  template <typename Visitor>
+  void visitFields(Visitor&& visit) {
+    visit("tolerance", tolerance, Range{0.001, 0.2});
+    visit("min_points", min_points, Range{1, 1e6});
+    visit("max_points", max_points, Range{1, 1e7});
+  }
+};
+
+/// Splits a cloud into groups of points no farther apart than `tolerance`, largest first (then by
+/// first index). Organised clouds by connected components over the grid, where a point may join the
+/// next one in its row or column across pixels without depth; unorganised ones through a kd-tree.
+/// Points that are not finite belong to no cluster; an empty cloud has none.
+std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& options);
+
+/// Labels as `segment` writes them and nodelets pass them: 0 nothing or invalid, 1 table, cluster i
+/// has i + 2. As many as points in the cloud.
+std::vector<std::uint32_t> labelsOf(std::size_t cloud_size, const Indices& table,
+                                    const std::vector<Indices>& clusters);
+
+/// The clusters behind such labels: entry i holds the points of label i + 2, perhaps none.
+std::vector<Indices> clustersOf(const std::vector<std::uint32_t>& labels);
+
+}  // namespace tabletop_perception

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "tabletop_perception/descriptor.h"
+#include "tabletop_perception/found.h"
+#include "tabletop_perception/model_index.h"
+#include "tabletop_perception/options.h"
+
+namespace tabletop_perception {
+
+struct MatchOptions {
+  std::string kinds = "both";         ///< descriptors compared: "vfh", "cvfh" or "both"
+  std::string metric = "chi_square";  ///< distance of two histograms: "l1", "l2", "chi_square"
+  int neighbors = 10;                 ///< nearest views of each kind that are looked at
+  double max_distance = 400;          ///< views farther than this are no match [of the metric]
+  double max_size_ratio = 1.3;        ///< clusters larger than this times the model do not match
+  int rolls = 24;                     ///< turns about the viewing axis that are tried per view
+  int max_candidates = 8;             ///< best initial poses kept per cluster
+
+  template <typename Visitor>
+  void visitFields(Visitor&& visit) {
+    visit("kinds", kinds, Choices{{"vfh", "cvfh", "both"}});
+    visit("metric", metric, Choices{{"l1", "l2", "chi_square"}});
+    visit("neighbors", neighbors, Range{1, 1000});
+    visit("max_distance", max_distance, Range{0, 1e6});
+    visit("max_size_ratio", max_size_ratio, Range{0.1, 100});
+    visit("rolls", rolls, Range{1, 360});
+    visit("max_candidates", max_candidates, Range{1, 1000});
+  }
+};
+
+/// A view that looks like a cluster.
+struct Neighbor {
+  int model;                         ///< index into the models of the ModelIndex
+  int view;                          ///< index into its views
+  Eigen::Vector3f view_centroid;     ///< of what was described, in the view's frame [m]
+  Eigen::Vector3f cluster_centroid;  ///< of what was described, in the camera's frame [m]
+  double distance;                   ///< of the descriptors, in the metric
+};
+
+/// A guess at what a cluster is and where.
+struct Candidate {
+  std::string name;     ///< of the object
+  double distance = 0;  ///< of the descriptors, in the metric
+  double misfit = 0;    ///< RMS distance of the cluster from the model at this pose [m]
+  Eigen::Isometry3d T_camera_object = Eigen::Isometry3d::Identity();
+};
+
+/// Distance of two histograms of equal length by the named metric. Chi-square is
+/// sum (a - b)^2 / (a + b) over the bins where a + b > 0.
+double histogramDistance(const float* a, const float* b, int size, const std::string& metric);
+
+/// The nearest vectors of the descriptor's kind, nearest first, none beyond `max_distance`.
+std::vector<Neighbor> nearestViews(const Descriptor& descriptor, const ModelIndex& index,
+                                   const MatchOptions& options);
+
+/// The pose that a view suggests: the viewing axes through both centroids are brought together,
+/// the object is turned by `roll` [rad] about the axis, and the centroids coincide.
+Eigen::Isometry3d poseFromView(const Neighbor& neighbor, const View& view, double roll);
+
+/// Candidates for a cluster sampled by `sampleSurface`, best first: the nearest views of each kind
+/// and the rolls at which the cluster lies nearest to the model. None, with the reason, for a
+/// cluster that is too small, an empty database, or no view within the limits.
+Found<std::vector<Candidate>> matchCluster(const Surface& cluster, const ModelIndex& index,
+                                           const MatchOptions& options);
+
+}  // namespace tabletop_perception

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "tabletop_perception/model.h"
+#include "tabletop_perception/nearest_grid.h"
+
+namespace tabletop_perception {
+
+/// The objects of a database, made ready for matching and refinement. Never changes once built, so
+/// any number of threads may read it.
+class ModelIndex {
+ public:
+  /// One vector of one kind, and where it comes from.
+  struct Entry {
+    int model;                 ///< index into models()
+    int view;                  ///< index into its views
+    Eigen::Vector3f centroid;  ///< of what the vector describes, in the view's frame [m]
+  };
+
+  /// All vectors of one kind, row after row.
+  struct Table {
+    int dimension = 0;
+    std::vector<float> values;
+    std::vector<Entry> entries;
+  };
+
+  ModelIndex() = default;
+  /// Throws std::invalid_argument when objects were described with different options.
+  explicit ModelIndex(std::vector<ObjectModel> models);
+
+  bool empty() const { return models_.empty(); }
+  const std::vector<ObjectModel>& models() const { return models_; }
+  const NearestGrid& grid(int model) const { return grids_[model]; }
+
+  /// The options that every view was described with; clusters have to be described alike.
+  const DescriptorOptions& descriptorOptions() const { return options_; }
+
+  /// The vectors of a kind; an empty table for a kind that no view has.
+  const Table& vectors(const std::string& kind) const;
+
+  /// Index of the model of that name, or -1.
+  int find(const std::string& name) const;
+
+ private:
+  std::vector<ObjectModel> models_;
+  std::vector<NearestGrid> grids_;
+  std::map<std::string, Table> vectors_;
+  DescriptorOptions options_;
+};
+
+}  // namespace tabletop_perception

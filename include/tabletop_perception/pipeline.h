@@ -1,0 +1,108 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "tabletop_perception/cloud.h"
+#include "tabletop_perception/cluster.h"
+#include "tabletop_perception/filter.h"
+#include "tabletop_perception/match.h"
+#include "tabletop_perception/model_index.h"
+#include "tabletop_perception/refine.h"
+#include "tabletop_perception/table.h"
+#include "tabletop_perception/verify.h"
+
+namespace tabletop_perception {
+
+/// The options of every stage, in the order of the pipeline.
+struct PipelineOptions {
+  FilterOptions filter;
+  TableOptions table;
+  ClusterOptions cluster;
+  MatchOptions match;
+  RefineOptions refine;
+  VerifyOptions verify;
+
+  /// Calls visit(section, options) for each stage.
+  template <typename Visitor>
+  void visitStages(Visitor&& visit) {
+    visit("filter", filter);
+    visit("table", table);
+    visit("cluster", cluster);
+    visit("match", match);
+    visit("refine", refine);
+    visit("verify", verify);
+  }
+};
+
+/// Reads a yaml file with a section per stage; what it does not name keeps its default. Throws
+/// std::invalid_argument for an unreadable file, unknown sections and keys, and bad values.
+PipelineOptions readPipelineOptions(const std::string& yaml_file);
+
+/// Something that stands on the table.
+struct SceneObject {
+  std::vector<std::uint32_t> labels;  ///< of its points in the segmentation
+  std::string name = "unknown";       ///< of the object in the database
+  double score = 0;                   ///< probability of being right, 0 to 1
+  Eigen::Isometry3d T_camera_object = Eigen::Isometry3d::Identity();  ///< unknown: its box's pose
+  double fitness = 0;  ///< RMS distance of the explained points [m]
+  double visible = 0;  ///< share of the model's surface that was seen, 0 to 1
+  int points = 0;      ///< of the cloud
+  Box box;             ///< about its points
+  std::string reason;  ///< why it is unknown
+};
+
+/// The table and what stands on it, before any recognition.
+struct Segmentation {
+  Cloud filtered;  ///< the cloud that the labels belong to
+  std::optional<Table> table;
+  std::vector<Indices> clusters;           ///< points of `filtered`, largest first
+  std::string reason;                      ///< why there is no table or nothing on it
+  std::map<std::string, double> times_ms;  ///< per stage, and "total"
+
+  std::vector<std::uint32_t> labels() const;  ///< one per point of `filtered`
+};
+
+/// Segmentation and an object for each cluster, in the order of the clusters.
+struct Recognition {
+  Segmentation segmentation;
+  std::vector<SceneObject> objects;
+  std::map<std::string, double> times_ms;  ///< per stage, and "total"
+};
+
+/// Filter, table, clusters. `up`: unit direction against gravity in the cloud's frame, if known.
+Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
+                          const PipelineOptions& options);
+
+/// A cluster before anything is known of it: its points and the box about them.
+SceneObject unknownObject(const Cloud& scene, const Indices& cluster, std::uint32_t label,
+                          const std::optional<Table>& table);
+
+/// What a cluster is: sampled, matched, every candidate refined and verified, the best one kept if
+/// it stands up to the limits; else "unknown" with its box and the reason. `scene`: the filtered
+/// cloud that the cluster's points belong to.
+SceneObject recognizeCluster(const Cloud& scene, const Indices& cluster, std::uint32_t label,
+                             const std::optional<Table>& table,
+                             const std::optional<Projection>& projection, const ModelIndex& index,
+                             const PipelineOptions& options);
+
+/// As recognizeCluster, from candidates that were matched before (the refine nodelet's half).
+SceneObject decideCluster(const Cloud& scene, const Indices& cluster, std::uint32_t label,
+                          const Found<std::vector<Candidate>>& candidates,
+                          const std::optional<Table>& table,
+                          const std::optional<Projection>& projection, const ModelIndex& index,
+                          const PipelineOptions& options);
+
+/// The whole pipeline in one call.
+Recognition recognizeScene(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
+                           const ModelIndex& index, const PipelineOptions& options);
+
+/// The points of a cluster sampled as the database's views were.
+Surface sampleCluster(const Cloud& scene, const Indices& cluster, const DescriptorOptions& options);
+
+}  // namespace tabletop_perception

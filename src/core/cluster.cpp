@@ -1,0 +1,119 @@
+#include "tabletop_perception/cluster.h"
+
+#include <algorithm>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+
+#include "tabletop_perception/kd_tree.h"
+
+namespace tabletop_perception {
+namespace {
+
+/// Disjoint sets of points, each named by its lowest index.
+class UnionFind {
+ public:
+  explicit UnionFind(std::size_t size) : parent_(size) {
+    std::iota(parent_.begin(), parent_.end(), 0);
+  }
+
+  int root(int i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+
+  void join(int a, int b) {
+    a = root(a);
+    b = root(b);
+    if (a < b) parent_[b] = a;
+    if (b < a) parent_[a] = b;
+  }
+
+ private:
+  std::vector<int> parent_;
+};
+
+/// Joins each pixel with the last point before it in its row and in its column. Pixels without a
+/// point lie between where the gap in space is small enough: holes are bridged by metres.
+UnionFind joinOverGrid(const Cloud& cloud, float squared_tolerance) {
+  UnionFind sets(cloud.size());
+  const auto joinIfNear = [&](int i, int j) {
+    if (j >= 0 && (cloud.point(i) - cloud.point(j)).squaredNorm() <= squared_tolerance)
+      sets.join(i, j);
+  };
+  std::vector<int> above(cloud.width, -1);  // the last point in each column
+  for (int row = 0; row < cloud.height; ++row) {
+    int left = -1;
+    for (int column = 0; column < cloud.width; ++column) {
+      const int i = row * cloud.width + column;
+      if (!cloud.valid(i)) continue;
+      joinIfNear(i, left);
+      joinIfNear(i, above[column]);
+      left = above[column] = i;
+    }
+  }
+  return sets;
+}
+
+/// Joins every point with all others within the tolerance.
+UnionFind joinThroughTree(const Cloud& cloud, double tolerance) {
+  UnionFind sets(cloud.size());
+  const Indices valid = validIndices(cloud);
+  std::vector<Eigen::Vector3f> points;
+  points.reserve(valid.size());
+  for (const int i : valid) points.push_back(cloud.point(i));
+  const KdTree tree(std::move(points));
+  std::vector<KdTree::Neighbor> within;
+  for (const int i : valid) {
+    tree.within(cloud.point(i), tolerance, within);
+    for (const auto& neighbor : within) sets.join(i, valid[neighbor.index]);
+  }
+  return sets;
+}
+
+}  // namespace
+
+std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& options) {
+  checkOptions("cluster", options);
+  const auto tolerance = static_cast<float>(options.tolerance);
+  UnionFind sets = cloud.organized() ? joinOverGrid(cloud, tolerance * tolerance)
+                                     : joinThroughTree(cloud, options.tolerance);
+  std::vector<Indices> by_root(cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i)
+    if (cloud.valid(i)) by_root[sets.root(static_cast<int>(i))].push_back(static_cast<int>(i));
+
+  std::vector<Indices> clusters;
+  for (auto& cluster : by_root) {
+    const auto points = static_cast<int>(cluster.size());
+    if (points >= options.min_points && points <= options.max_points)
+      clusters.push_back(std::move(cluster));
+  }
+  std::stable_sort(clusters.begin(), clusters.end(),
+                   [](const Indices& a, const Indices& b) { return a.size() > b.size(); });
+  return clusters;
+}
+
+std::vector<std::uint32_t> labelsOf(std::size_t cloud_size, const Indices& table,
+                                    const std::vector<Indices>& clusters) {
+  std::vector<std::uint32_t> labels(cloud_size, 0);
+  for (const int i : table) labels[i] = 1;
+  for (std::size_t k = 0; k < clusters.size(); ++k)
+    for (const int i : clusters[k]) labels[i] = static_cast<std::uint32_t>(k) + 2;
+  return labels;
+}
+
+std::vector<Indices> clustersOf(const std::vector<std::uint32_t>& labels) {
+  std::vector<Indices> clusters;
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    if (labels[i] < 2) continue;
+    const std::size_t k = labels[i] - 2;
+    if (k >= labels.size())
+      throw std::invalid_argument("label " + std::to_string(labels[i]) + " at point " +
+                                  std::to_string(i) + ": more clusters than points");
+    if (k >= clusters.size()) clusters.resize(k + 1);
+    clusters[k].push_back(static_cast<int>(i));
+  }
+  return clusters;
+}
+
+}  // namespace tabletop_perception

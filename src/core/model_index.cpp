@@ -1,0 +1,52 @@
+#include "tabletop_perception/model_index.h"
+
+#include <stdexcept>
+#include <utility>
+
+namespace tabletop_perception {
+namespace {
+
+constexpr double GRID_CELL = 0.004;   // [m]
+constexpr double GRID_MARGIN = 0.04;  // beyond the farthest correspondence of ICP's start [m]
+
+std::vector<double> valuesOf(DescriptorOptions options) {
+  std::vector<double> values;
+  options.visitFields(
+      [&](const std::string&, auto& field, const auto&...) { values.push_back(field); });
+  return values;
+}
+
+}  // namespace
+
+ModelIndex::ModelIndex(std::vector<ObjectModel> models) : models_(std::move(models)) {
+  if (!models_.empty()) options_ = models_.front().options;
+  for (std::size_t m = 0; m < models_.size(); ++m) {
+    const ObjectModel& model = models_[m];
+    if (valuesOf(model.options) != valuesOf(options_))
+      throw std::invalid_argument("objects '" + models_.front().name + "' and '" + model.name +
+                                  "' were trained with different descriptor options; train one "
+                                  "of them again");
+    grids_.emplace_back(model.surface, GRID_CELL, GRID_MARGIN);
+    for (std::size_t v = 0; v < model.views.size(); ++v)
+      for (const auto& descriptor : model.views[v].descriptors) {
+        Table& table = vectors_[descriptor.kind];
+        table.dimension = static_cast<int>(descriptor.values.size());
+        table.values.insert(table.values.end(), descriptor.values.begin(), descriptor.values.end());
+        table.entries.push_back({static_cast<int>(m), static_cast<int>(v), descriptor.centroid});
+      }
+  }
+}
+
+const ModelIndex::Table& ModelIndex::vectors(const std::string& kind) const {
+  static const Table none;
+  const auto found = vectors_.find(kind);
+  return found == vectors_.end() ? none : found->second;
+}
+
+int ModelIndex::find(const std::string& name) const {
+  for (std::size_t m = 0; m < models_.size(); ++m)
+    if (models_[m].name == name) return static_cast<int>(m);
+  return -1;
+}
+
+}  // namespace tabletop_perception
