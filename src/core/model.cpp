@@ -1,0 +1,85 @@
+#include "tabletop_perception/model.h"
+
+#include <cctype>
+#include <cmath>
+#include <stdexcept>
+
+namespace tabletop_perception {
+namespace {
+
+constexpr std::size_t MAX_NAME_LENGTH = 100;
+constexpr float UNIT_TOLERANCE = 0.01f;  ///< normals went through files of few digits
+
+[[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument(what); }
+
+bool finite(const std::vector<Eigen::Vector3f>& points) {
+  for (const auto& p : points)
+    if (!p.allFinite()) return false;
+  return true;
+}
+
+bool unit(const std::vector<Eigen::Vector3f>& normals) {
+  for (const auto& n : normals)  // false for NaN
+    if (!(std::abs(n.norm() - 1) <= UNIT_TOLERANCE)) return false;
+  return true;
+}
+
+void checkSurface(const std::string& what, const Surface& surface) {
+  if (surface.empty()) refuse(what + " has no points");
+  if (surface.normals.size() != surface.points.size())
+    refuse(what + " has " + std::to_string(surface.normals.size()) + " normals for " +
+           std::to_string(surface.points.size()) + " points");
+  if (!finite(surface.points)) refuse(what + " has points that are not finite");
+  if (!unit(surface.normals)) refuse(what + " has normals that are not of unit length");
+}
+
+void checkSymmetry(const std::string& what, const Symmetry& symmetry) {
+  bool finite = symmetry.center.allFinite() && symmetry.axis.allFinite();
+  for (const auto& rotation : symmetry.rotations) finite = finite && rotation.allFinite();
+  if (!finite) refuse(what + " has a symmetry that is not finite");
+}
+
+void checkDescriptor(const std::string& what, const Descriptor& descriptor) {
+  if (descriptor.kind.empty() || descriptor.values.empty())
+    refuse(what + " has an empty descriptor");
+  bool finite = descriptor.centroid.allFinite();
+  for (const float value : descriptor.values) finite = finite && std::isfinite(value);
+  if (!finite) refuse(what + " has a descriptor that is not finite");
+}
+
+void checkView(const std::string& what, const View& view) {
+  checkSurface(what, view.surface);
+  if (!view.T_view_object.matrix().allFinite()) refuse(what + " has a pose that is not finite");
+  for (const auto& descriptor : view.descriptors) checkDescriptor(what, descriptor);
+}
+
+}  // namespace
+
+void checkObjectName(const std::string& name) {
+  const auto allowed = [](unsigned char c) {
+    return c < 128 && (std::isalnum(c) || c == '_' || c == '-');
+  };
+  bool good = !name.empty() && name.size() <= MAX_NAME_LENGTH && name != "unknown";
+  for (const char c : name) good = good && allowed(static_cast<unsigned char>(c));
+  if (good) return;
+  refuse("'" + name + "' cannot name an object: 1 to " + std::to_string(MAX_NAME_LENGTH) +
+         " letters, digits, '_' and '-', and not \"unknown\"");
+}
+
+void checkModel(const ObjectModel& model) {
+  checkObjectName(model.name);
+  const std::string what = "object '" + model.name + "'";
+  checkSurface(what, model.surface);
+  if (!model.colors.empty() && model.colors.size() != model.surface.size())
+    refuse(what + " has " + std::to_string(model.colors.size()) + " colours for " +
+           std::to_string(model.surface.size()) + " points");
+  if (!std::isfinite(model.diameter) || model.diameter <= 0)
+    refuse(what + " has the diameter " + std::to_string(model.diameter) + ", must be positive");
+  checkSymmetry(what, model.symmetry);
+  checkOptions("descriptor", model.options);
+  if (model.views.empty()) refuse(what + " has no view");
+  for (std::size_t i = 0; i < model.views.size(); ++i)
+    checkView(what + ", view " + std::to_string(i) + ",", model.views[i]);
+}
+
+}  // namespace tabletop_perception
