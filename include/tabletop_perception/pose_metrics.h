@@ -24,9 +24,9 @@ struct ReferenceModel {
 };
 
 /// A mesh and its symmetry in words: "none", "axis z (continuous)", "half z" (a half turn; x, y and
-/// z in both), "box 180deg" (three half turns), about the middle of the vertices' bounding box. Any
-/// other words, and none at all, have the symmetry detected in the shape. A continuous axis counts
-/// in turns of one degree.
+/// z in both), "box 180deg" (half turns about the directions of its sides: real models lie askew in
+/// their frames), about the middle of the vertices' bounding box. Any other words, and none at all,
+/// have the symmetry detected in the shape. A continuous axis counts in turns of one degree.
 ReferenceModel makeReferenceModel(const Mesh& mesh, const std::string& symmetry);
 
 /// How far a pose is from the truth [m].
