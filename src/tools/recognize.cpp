@@ -73,9 +73,10 @@ void addRecognize(CLI::App& app) {
   const auto arguments = std::make_shared<RecognizeArguments>();
   addSceneArguments(*command, *arguments);
   command->add_option("--database", arguments->database, "file that `tabletop train` wrote")
+      ->type_name("DB")
       ->required();
-  command->add_option("--output", arguments->output,
-                      "folder for the JSON of each scene, NAME.json");
+  command->add_option("--output", arguments->output, "folder for the JSON of each scene, NAME.json")
+      ->type_name("DIR");
   command->footer(
       "Poses map the model's own frame into the cloud's frame, in metres.\n"
       "Exit code: 0 done, 1 no scene had a known object, 2 bad usage or unreadable input.\n"

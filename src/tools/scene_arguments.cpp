@@ -12,13 +12,17 @@ void addSceneArguments(CLI::App& command, SceneArguments& arguments) {
   command
       .add_option("SCENE", arguments.scenes,
                   "a .pcd, a .bag, or a folder with depth.png and gt.json or camera.json")
+      ->type_name("")
       ->required();
   command.add_option("--topic", arguments.topic,
                      "sensor_msgs/PointCloud2 topic of a bag (default: its only one)");
-  command.add_option("--config", arguments.config,
-                     "yaml file with a section per stage (default: built-in values)");
+  command
+      .add_option("--config", arguments.config,
+                  "yaml file with a section per stage (default: built-in values)")
+      ->type_name("YAML");
   command.add_option("--up", arguments.up, "direction against gravity in the cloud's frame")
-      ->expected(3)
+      ->type_size(3)
+      ->expected(1)
       ->type_name("X Y Z");
   command.add_flag("--json", arguments.json,
                    "print one JSON object per scene and line [metres, seconds, times in ms]");

@@ -110,8 +110,10 @@ void addSegment(CLI::App& app) {
   auto* command = app.add_subcommand("segment", "find the table and the things that stand on it");
   const auto arguments = std::make_shared<SegmentArguments>();
   addSceneArguments(*command, *arguments);
-  command->add_option("--output", arguments->output,
-                      "write labels: a .pcd for one scene, else a folder of NAME.pcd");
+  command
+      ->add_option("--output", arguments->output,
+                   "write labels: a .pcd for one scene, else a folder of NAME.pcd")
+      ->type_name("OUT");
   command->footer(
       "Labels: 0 nothing or invalid, 1 table, 2 and up one object each. Metres throughout.\n"
       "Exit code: 0 done, 1 no scene had an object, 2 bad usage or unreadable input.\n"
