@@ -1,0 +1,250 @@
+#include "evaluate.h"
+
+#include <sstream>
+#include <stdexcept>
+
+#include <gtest/gtest.h>
+#include <CLI/CLI.hpp>
+
+#include "commands.h"
+#include "tabletop_perception/pcd.h"
+#include "temp_folder.h"
+
+namespace tabletop_perception::tools {
+namespace {
+
+using nlohmann::json;
+using Labels = std::vector<std::uint32_t>;
+
+/// Runs `evaluate` with the words of a command line; gives back what it prints on stdout.
+std::string evaluate(const std::string& words) {
+  CLI::App app;
+  addEvaluate(app);
+  testing::internal::CaptureStdout();
+  try {
+    app.parse("evaluate " + words, false);
+  } catch (...) {
+    testing::internal::GetCapturedStdout();
+    throw;
+  }
+  return testing::internal::GetCapturedStdout();
+}
+
+/// The line with which `evaluate` ends for bad input.
+std::string complaint(const std::string& words) {
+  try {
+    evaluate(words);
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+#define EXPECT_MENTIONS(text, part) EXPECT_NE((text).find(part), std::string::npos) << (text)
+
+/// Lines of a table by their first word.
+std::map<std::string, std::string> linesOf(const std::string& text) {
+  std::map<std::string, std::string> lines;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);) lines[line.substr(0, line.find(' '))] = line;
+  return lines;
+}
+
+class EvaluateLabels : public testing::Test {
+ protected:
+  EvaluateLabels() {
+    std::filesystem::create_directories(folder.file("truth"));
+    std::filesystem::create_directories(folder.file("results"));
+  }
+
+  /// A cloud of 1000 points a row, each row with one label.
+  void writeCloud(const std::string& name, const Labels& row_labels) const {
+    PcdContents contents;
+    contents.cloud = Cloud(1000, static_cast<int>(row_labels.size()), false);
+    for (std::size_t i = 0; i < contents.cloud.size(); ++i)
+      contents.cloud.setPoint(i, {0, 0, 1 + 0.001f * i});
+    for (const auto label : row_labels) contents.labels.insert(contents.labels.end(), 1000, label);
+    writePcd(folder.file(name), contents);
+  }
+
+  std::string words() const {
+    return "--labels " + folder.file("truth") + " --results " + folder.file("results");
+  }
+
+  TempFolder folder;
+};
+
+TEST_F(EvaluateLabels, givesTheFiguresOfScenesCategoriesAndAll) {
+  writeCloud("truth/a.pcd", {1, 1, 20, 30});
+  writeCloud("results/a.pcd", {1, 1, 2, 3});
+  writeCloud("truth/b.pcd", {1, 1, 20, 30});
+  writeCloud("results/b.pcd", {1, 0, 2, 2});
+  folder.write("truth/gt_summary.json",
+               R"({"scenes": [{"file": "x/b.pcd", "category": "stacked"},
+                              {"file": "x/a.pcd", "category": "apart"}]})");
+  const auto figures = json::parse(evaluate(words() + " --json"));
+  EXPECT_EQ(figures["scenes"][0]["scene"], "b");
+  EXPECT_EQ(figures["scenes"][0]["f"], 0.5);
+  EXPECT_EQ(figures["scenes"][0]["table_iou"], 0.5);
+  EXPECT_EQ(figures["scenes"][0]["matches"].size(), 2u);
+  EXPECT_EQ(figures["categories"][1]["category"], "apart");
+  EXPECT_EQ(figures["categories"][1]["f"], 1.0);
+  EXPECT_EQ(figures["all"]["scenes"], 2);
+  EXPECT_EQ(figures["all"]["f"], 0.75);
+  EXPECT_EQ(figures["all"]["recall_iou_75"], 0.5);
+  EXPECT_EQ(figures["all"]["table_iou"], 0.75);
+
+  const auto lines = linesOf(evaluate(words()));
+  EXPECT_MENTIONS(lines.at("b"), " 50.0 ");
+  EXPECT_MENTIONS(lines.at("apart"), "100.0");
+  EXPECT_MENTIONS(lines.at("all"), " 75.0 ");
+}
+
+TEST_F(EvaluateLabels, aSceneWithoutAResultCountsAsNothingFoundAndIsNamed) {
+  writeCloud("truth/a.pcd", {1, 20});
+  writeCloud("results/a.pcd", {1, 2});
+  writeCloud("truth/lost.pcd", {1, 20});
+  testing::internal::CaptureStderr();
+  const auto figures = json::parse(evaluate(words() + " --json"));
+  EXPECT_MENTIONS(testing::internal::GetCapturedStderr(), "scene lost counts as nothing found");
+  EXPECT_EQ(figures["scenes"][1]["has_result"], false);
+  EXPECT_EQ(figures["scenes"][1]["f"], 0.0);
+  EXPECT_EQ(figures["categories"][0]["category"], "all");
+  EXPECT_EQ(figures["all"]["f"], 0.5);
+}
+
+TEST_F(EvaluateLabels, complainsAboutBadInput) {
+  EXPECT_MENTIONS(complaint(words()), "must be a folder of .pcd files");
+  writeCloud("truth/a.pcd", {1, 20});
+  EXPECT_MENTIONS(complaint(words()), "no result for any of the 1 scenes");
+  EXPECT_MENTIONS(complaint("--labels " + folder.file("none") + " --results " + folder.file("")),
+                  "--labels must be a folder, got");
+  EXPECT_MENTIONS(complaint("--labels " + folder.file("truth") + " --results none"),
+                  "--results must be a folder, got 'none'");
+  writeCloud("results/a.pcd", {1, 2, 3});
+  EXPECT_MENTIONS(complaint(words()),
+                  "a.pcd must have the size of its truth, 1000 x 2, got 1000 x 3");
+}
+
+TEST_F(EvaluateLabels, complainsAboutACloudWithoutLabelsAndABrokenSummary) {
+  writeCloud("truth/a.pcd", {1, 20});
+  PcdContents unlabelled;
+  unlabelled.cloud = Cloud(1000, 2, false);
+  writePcd(folder.file("results/a.pcd"), unlabelled);
+  EXPECT_MENTIONS(complaint(words()), "results/a.pcd must have a field `label`");
+  folder.write("truth/gt_summary.json", R"({"scenes": [{"file": "a.pcd"}]})");
+  EXPECT_MENTIONS(complaint(words()), "gt_summary.json cannot be understood");
+}
+
+class EvaluatePoses : public testing::Test {
+ protected:
+  EvaluatePoses() {
+    // A tetrahedron with sides of different lengths, of a diameter of 20 cm.
+    folder.write("models/wedge/mesh.ply",
+                 "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+                 "property float z\nelement face 4\nproperty list uchar int vertex_indices\n"
+                 "end_header\n0 0 0\n0.2 0 0\n0 0.1 0\n0 0 0.05\n"
+                 "3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n");
+    folder.write("models/models_info.json", R"({"wedge": {"symmetry": "none"}})");
+    folder.write("truth/s1/gt.json", truthOf({"[0, 0, 1]", "[0.3, 0, 1]"}));
+    std::filesystem::create_directories(folder.file("results"));
+  }
+
+  static std::string truthOf(const std::vector<std::string>& translations) {
+    json objects = json::array();
+    for (const auto& translation : translations) {
+      const auto t = json::parse(translation);
+      objects.push_back(
+          {{"name", "wedge"},
+           {"model_to_camera_3x4", {{1, 0, 0, t[0]}, {0, 1, 0, t[1]}, {0, 0, 1, t[2]}}}});
+    }
+    return json{{"objects", objects}}.dump();
+  }
+
+  static json result(const std::string& name, double x) {
+    return {{"name", name}, {"pose", {{"position", {x, 0, 1}}, {"orientation", {0, 0, 0, 1}}}}};
+  }
+
+  void writeResult(const json& objects) const {
+    folder.write("results/s1.json", json{{"objects", objects}}.dump());
+  }
+
+  std::string words() const {
+    return "--poses " + folder.file("truth") + " --models " + folder.file("models") +
+           " --results " + folder.file("results");
+  }
+
+  TempFolder folder;
+};
+
+TEST_F(EvaluatePoses, givesTheFiguresOfScenesObjectsAndAll) {
+  writeResult({result("wedge", 0.004),
+               result("wedge", 0.33),
+               result("pot", 0.6),
+               {{"name", "unknown"}, {"pose", nullptr}}});
+  const auto figures = json::parse(evaluate(words() + " --json"));
+  const auto& all = figures["all"];
+  EXPECT_EQ(all["objects"], 2);
+  EXPECT_EQ(all["results"], 3);
+  EXPECT_EQ(all["right"], 1);
+  EXPECT_EQ(all["named_recall"], 1.0);
+  EXPECT_DOUBLE_EQ(all["precision"], 1.0 / 3);
+  EXPECT_NEAR(all["median_translation"], 0.004, 1e-9);
+  EXPECT_NEAR(figures["scenes"][0]["matches"][1]["mssd"], 0.03, 1e-6);
+  EXPECT_EQ(figures["objects"][0]["name"], "pot");
+  EXPECT_EQ(figures["objects"][0]["right_recall"], nullptr);
+  EXPECT_EQ(figures["objects"][1]["precision"], 0.5);
+
+  const auto lines = linesOf(evaluate(words()));
+  EXPECT_MENTIONS(lines.at("s1"), " 1/2 ");
+  EXPECT_MENTIONS(lines.at("wedge"), " 50.0 ");
+  EXPECT_MENTIONS(lines.at("all"), " 4.0");
+}
+
+TEST_F(EvaluatePoses, aSceneWithoutAResultCountsAsNothingFoundAndIsNamed) {
+  writeResult({result("wedge", 0), result("wedge", 0.3)});
+  folder.write("truth/s2/gt.json", truthOf({"[0, 0, 1]", "[0.3, 0, 1]"}));
+  testing::internal::CaptureStderr();
+  const auto figures = json::parse(evaluate(words() + " --json"));
+  EXPECT_MENTIONS(testing::internal::GetCapturedStderr(), "scene s2 counts as nothing found");
+  EXPECT_EQ(figures["scenes"][1]["has_result"], false);
+  EXPECT_EQ(figures["all"]["right_recall"], 0.5);
+  EXPECT_EQ(figures["all"]["precision"], 1.0);
+}
+
+TEST_F(EvaluatePoses, complainsAboutBadResults) {
+  EXPECT_MENTIONS(complaint(words()), "no result for any of the 1 scenes");
+  folder.write("results/s1.json", "{\"objects\": [");
+  EXPECT_MENTIONS(complaint(words()), "s1.json cannot be understood");
+  folder.write("results/s1.json", R"({"objects": [{"name": "wedge", "pose": null}]})");
+  EXPECT_MENTIONS(complaint(words()), "s1.json cannot be understood");
+  auto object = result("wedge", 0);
+  object["pose"]["orientation"] = {0, 0, 0, 0};
+  writeResult(json::array({object}));
+  EXPECT_MENTIONS(complaint(words()), "wedge: orientation must be a unit quaternion");
+}
+
+TEST_F(EvaluatePoses, complainsAboutBadTruthAndModels) {
+  writeResult(json::array({result("wedge", 0)}));
+  EXPECT_MENTIONS(complaint("--poses " + folder.file("models") + " --models " +
+                            folder.file("models") + " --results " + folder.file("results")),
+                  "must be a folder of folders with a gt.json");
+  folder.write("truth/s1/gt.json",
+               R"({"objects": [{"name": "wedge", "model_to_camera_3x4":
+                   [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1]]}]})");
+  EXPECT_MENTIONS(complaint(words()), "model_to_camera_3x4 must begin with a rotation");
+  folder.write("truth/s1/gt.json", truthOf({"[0, 0, 1]"}));
+  std::filesystem::remove_all(folder.file("models/wedge"));
+  EXPECT_MENTIONS(complaint(words()), "wedge/mesh.ply");
+}
+
+TEST(EvaluateCommand, wantsOneTruthAndModelsForPoses) {
+  EXPECT_THROW(evaluate("--results ."), CLI::ParseError);
+  EXPECT_THROW(evaluate("--labels . --poses . --models . --results ."), CLI::ParseError);
+  EXPECT_THROW(evaluate("--poses . --results ."), CLI::ParseError);
+  EXPECT_THROW(evaluate("--labels . --models . --results ."), CLI::ParseError);
+  EXPECT_THROW(evaluate("--labels ."), CLI::ParseError);
+}
+
+}  // namespace
+}  // namespace tabletop_perception::tools
