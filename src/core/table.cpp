@@ -79,11 +79,18 @@ std::optional<Eigen::Vector4d> ransacPlane(const Cloud& cloud, const Indices& sa
   return best;
 }
 
+/// Points no farther than `distance` from a plane.
 Indices inliersOf(const Cloud& cloud, const Eigen::Vector4d& plane, double distance) {
-  Indices inliers;
-  for (std::size_t i = 0; i < cloud.size(); ++i)
-    if (std::abs(distanceFrom(plane, cloud.point(i))) <= distance)  // false for NaN
-      inliers.push_back(static_cast<int>(i));
+  const Eigen::Vector4f q = plane.cast<float>();
+  const auto limit = static_cast<float>(distance);
+  Indices inliers(cloud.size());
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const float d = q[0] * cloud.x[i] + q[1] * cloud.y[i] + q[2] * cloud.z[i] + q[3];
+    inliers[count] = static_cast<int>(i);  // kept only if the next line counts it
+    count += std::abs(d) <= limit;         // false for NaN
+  }
+  inliers.resize(count);
   return inliers;
 }
 
@@ -245,7 +252,8 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& drawn,
 
   Table table;
   for (std::size_t i = 0; i < flat.size(); ++i)
-    if (depthInside(hull, {flat[i].x, flat[i].y}) >= -1e-6) table.inliers.push_back(inliers[i]);
+    if (in_patch[i] || depthInside(hull, {flat[i].x, flat[i].y}) >= 0)
+      table.inliers.push_back(inliers[i]);
   const Eigen::Vector2d center = centroidOfPolygon(hull);
   for (auto& corner : hull) corner -= center;
   table.plane = fit.plane;
@@ -327,13 +335,18 @@ Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>&
 }
 
 Cloud pointsOnTable(const Cloud& cloud, const Table& table, const TableOptions& options) {
+  const Eigen::Vector4f plane = table.plane.cast<float>();
   const Eigen::Isometry3d T_table_camera = table.T_camera_table.inverse();
+  const auto overHull = [&](const Eigen::Vector3f& p) {
+    const Eigen::Vector3d q = T_table_camera * p.cast<double>();
+    return depthInside(table.hull, q.head<2>()) >= -options.hull_margin;
+  };
   Cloud standing = cloud;
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    if (!cloud.valid(i)) continue;
-    const Eigen::Vector3d p = T_table_camera * cloud.point(i).cast<double>();
-    const bool stands = p.z() >= options.min_height && p.z() <= options.max_height &&
-                        depthInside(table.hull, p.head<2>()) >= -options.hull_margin;
+    const float height =
+        plane[0] * cloud.x[i] + plane[1] * cloud.y[i] + plane[2] * cloud.z[i] + plane[3];
+    const bool stands =
+        height >= options.min_height && height <= options.max_height && overHull(cloud.point(i));
     if (!stands) standing.drop(i);
   }
   return standing;
