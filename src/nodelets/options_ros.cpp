@@ -36,4 +36,11 @@ void readParameter(const std::string& name, XmlRpcValue value, std::string& to) 
   to = static_cast<std::string>(value);
 }
 
+void readParameter(const std::string& name, XmlRpcValue value, std::vector<double>& to) {
+  if (value.getType() != XmlRpcValue::TypeArray) throw wrongType(name, value, "a list of numbers");
+  to.resize(value.size());
+  for (int i = 0; i < value.size(); ++i)
+    readParameter(name + "[" + std::to_string(i) + "]", value[i], to[i]);
+}
+
 }  // namespace tabletop_perception

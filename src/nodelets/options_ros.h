@@ -3,6 +3,7 @@
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include <XmlRpcValue.h>
 #include <dynamic_reconfigure/Config.h>
@@ -30,6 +31,7 @@ void readParameter(const std::string& name, XmlRpc::XmlRpcValue value, double& t
 void readParameter(const std::string& name, XmlRpc::XmlRpcValue value, int& to);
 void readParameter(const std::string& name, XmlRpc::XmlRpcValue value, bool& to);
 void readParameter(const std::string& name, XmlRpc::XmlRpcValue value, std::string& to);
+void readParameter(const std::string& name, XmlRpc::XmlRpcValue value, std::vector<double>& to);
 
 /// Checks a node's parameters against Options: throws std::invalid_argument for a key that is
 /// neither a field nor one of `known`, for a wrong type, and for a value out of range.

@@ -1,0 +1,40 @@
+#include <pluginlib/class_list_macros.hpp>
+
+#include "conversions.h"
+#include "stage_nodelet.h"
+#include "tabletop_perception/ClusterConfig.h"
+#include "tabletop_perception/cluster.h"
+
+namespace tabletop_perception {
+
+/// `~input` PointCloud2 of what stands on the table -> `~clusters`, the same cloud with a `label`
+/// field: 0 for nothing, 2 and up for one thing each.
+class ClusterNodelet : public StageNodelet {
+  void start() override {
+    serveOptions<ClusterConfig>(getPrivateNodeHandle(), options_);
+    clusters_pub_ = advertise<sensor_msgs::PointCloud2>("clusters");
+  }
+
+  void subscribe() override {
+    input_sub_ =
+        getPrivateNodeHandle().subscribe("input", INNER_QUEUE, &ClusterNodelet::onCloud, this);
+  }
+
+  void unsubscribe() override { input_sub_.shutdown(); }
+
+  void onCloud(const sensor_msgs::PointCloud2ConstPtr& message) {
+    attempt([&] {
+      const Cloud cloud = cloudFromMessage(*message);
+      const auto labels = labelsOf(cloud.size(), {}, extractClusters(cloud, options_));
+      clusters_pub_.publish(messageFromCloud(cloud, message->header, &labels));
+    });
+  }
+
+  ClusterOptions options_;
+  ros::Publisher clusters_pub_;
+  ros::Subscriber input_sub_;
+};
+
+}  // namespace tabletop_perception
+
+PLUGINLIB_EXPORT_CLASS(tabletop_perception::ClusterNodelet, nodelet::Nodelet)

@@ -1,0 +1,322 @@
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <message_filters/subscriber.h>
+#include <message_filters/sync_policies/exact_time.h>
+#include <message_filters/synchronizer.h>
+#include <ros/callback_queue.h>
+#include <ros/spinner.h>
+#include <tf2_ros/transform_broadcaster.h>
+#include <tf2_ros/transform_listener.h>
+#include <boost/make_shared.hpp>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "conversions.h"
+#include "model_source.h"
+#include "stage_nodelet.h"
+#include "tabletop_perception/RefineConfig.h"
+#include "tabletop_perception/VerifyConfig.h"
+#include "tabletop_perception/pipeline.h"
+#include "tabletop_perception/tracker.h"
+#include "tf_wait.h"
+
+namespace tabletop_perception {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// Why a frame has no object, or none with a name; empty if neither is to be said.
+std::string frameReason(const TableMessage& table, const CandidateArray& candidates,
+                        const sensor_msgs::PointCloud2& clusters) {
+  if (!table.reason.empty()) return table.reason;
+  if (!candidates.clusters.empty()) return candidates.reason;
+  const auto standing = validIndices(cloudFromMessage(clusters)).size();
+  return standing == 0 ? "nothing stands on the table"
+                       : "none of the groups of the " + std::to_string(standing) +
+                             " points on the table is large enough for an object";
+}
+
+/// The names of what is on the table, for people.
+std::string namesOf(const RecognizedObjectArray& frame) {
+  std::string names;
+  for (const auto& object : frame.objects) {
+    names += (names.empty() ? "" : ", ") + object.name;
+    if (!object.reason.empty()) names += " (" + object.reason + ")";
+  }
+  return names;
+}
+
+RecognizedObject movedTo(const std::string& target_frame, const Eigen::Isometry3d& T_target_camera,
+                         RecognizedObject object) {
+  object.header.frame_id = target_frame;
+  object.pose = messageFromPose(T_target_camera * poseFromMessage(object.pose));
+  object.box_pose = messageFromPose(T_target_camera * poseFromMessage(object.box_pose));
+  return object;
+}
+
+}  // namespace
+
+/// `~candidates` CandidateArray and `~clusters` PointCloud2 with labels from match, `~table` Table,
+/// and `~cloud`, the filtered PointCloud2 of the whole scene -> `~objects` RecognizedObjectArray
+/// and a tf frame per object; service `~get_object_pose` GetObjectPose. Every frame is answered,
+/// also one without a table or an object.
+///
+/// Parameters: `database`, the file with the objects; `publish_tf`; `track_max_step` [m] and
+/// `track_memory` [s] of the ids. The options of verify live in the namespace `verify` beside this
+/// nodelet, as its section of the yaml file does.
+class RefineNodelet : public StageNodelet {
+ public:
+  ~RefineNodelet() override {
+    {
+      std::lock_guard<std::mutex> lock(latest_mutex_);
+      stopping_ = true;
+    }
+    latest_changed_.notify_all();
+    if (spinner_) spinner_->stop();
+  }
+
+ private:
+  void start() override {
+    models_.emplace(parameter("database", std::string("~/.ros/tabletop.db")));
+    publish_tf_ = parameter("publish_tf", true);
+    TrackerOptions tracking;
+    tracking.max_step = parameter("track_max_step", tracking.max_step);
+    tracking.memory = parameter("track_memory", tracking.memory);
+    checkOptions("track", tracking);
+    tracker_ = Tracker(tracking);
+    serveOptions<RefineConfig>(getPrivateNodeHandle(), options_.refine);
+    serveOptions<VerifyConfig>(ros::NodeHandle(getNodeHandle(), "verify"), options_.verify);
+
+    sync_.registerCallback(&RefineNodelet::onFrame, this);
+    objects_pub_ = advertise<RecognizedObjectArray>("objects");
+
+    // A waiting call must not hold up the frames it waits for: a queue and threads of its own.
+    ros::NodeHandle service_nh(getPrivateNodeHandle());
+    service_nh.setCallbackQueue(&service_queue_);
+    service_ = service_nh.advertiseService("get_object_pose", &RefineNodelet::onService, this);
+    spinner_ = std::make_unique<ros::AsyncSpinner>(SERVICE_THREADS, &service_queue_);
+    spinner_->start();
+  }
+
+  void subscribe() override {
+    auto& nh = getPrivateNodeHandle();
+    cloud_sub_.subscribe(nh, "cloud", SYNC_QUEUE);
+    table_sub_.subscribe(nh, "table", SYNC_QUEUE);
+    clusters_sub_.subscribe(nh, "clusters", SYNC_QUEUE);
+    candidates_sub_.subscribe(nh, "candidates", SYNC_QUEUE);
+  }
+
+  void unsubscribe() override {
+    cloud_sub_.unsubscribe();
+    table_sub_.unsubscribe();
+    clusters_sub_.unsubscribe();
+    candidates_sub_.unsubscribe();
+  }
+
+  bool wantedAnyway() override { return publish_tf_ || calls_ > 0; }
+
+  void onFrame(const CandidateArrayConstPtr& candidates,
+               const sensor_msgs::PointCloud2ConstPtr& clusters, const TableMessageConstPtr& table,
+               const ros::MessageEvent<const sensor_msgs::PointCloud2>& cloud) {
+    attempt([&] {
+      const auto objects = decideScene(*cloud.getConstMessage(), *clusters, *candidates, *table);
+      const auto ids = tracker_.update(candidates->header.stamp.toSec(), sightingsOf(objects));
+
+      auto message = boost::make_shared<RecognizedObjectArray>();
+      message->header = candidates->header;
+      message->reason = frameReason(*table, *candidates, *clusters);
+      for (std::size_t i = 0; i < objects.size(); ++i)
+        message->objects.push_back(messageFromObject(objects[i], ids[i], message->header));
+
+      objects_pub_.publish(message);
+      if (publish_tf_) sendTransforms(*message);
+      {
+        std::lock_guard<std::mutex> lock(latest_mutex_);
+        latest_ = {message, cloud.getReceiptTime()};
+      }
+      latest_changed_.notify_all();
+    });
+  }
+
+  std::vector<SceneObject> decideScene(const sensor_msgs::PointCloud2& cloud_message,
+                                       const sensor_msgs::PointCloud2& clusters_message,
+                                       const CandidateArray& candidates,
+                                       const TableMessage& table_message) {
+    const ModelIndex& index = models_->update();
+    const Cloud scene = cloudFromMessage(cloud_message);
+    const auto labels = labelsFromMessage(clusters_message);
+    if (labels.size() != scene.size())
+      throw std::invalid_argument("clusters of " + std::to_string(labels.size()) +
+                                  " points do not belong to a cloud of " +
+                                  std::to_string(scene.size()));
+    const auto clusters = clustersOf(labels);
+    const auto table = tableFromMessage(table_message);
+    const auto projection = fitProjection(scene).value;
+
+    std::vector<SceneObject> objects;
+    for (const auto& entry : candidates.clusters)
+      objects.push_back(decideCluster(scene, clusters.at(entry.label - 2), entry.label,
+                                      candidatesFromMessage(entry), table, projection, index,
+                                      options_));
+    return objects;
+  }
+
+  static std::vector<Sighting> sightingsOf(const std::vector<SceneObject>& objects) {
+    std::vector<Sighting> sightings;
+    for (const auto& object : objects)
+      sightings.push_back({object.name, object.T_camera_object.translation()});
+    return sightings;
+  }
+
+  void sendTransforms(const RecognizedObjectArray& frame) {
+    std::vector<geometry_msgs::TransformStamped> transforms;
+    for (const auto& object : frame.objects)
+      transforms.push_back(transformMessage(object.pose, frame.header, object.child_frame_id));
+    tf_broadcaster_.sendTransform(transforms);
+  }
+
+  bool onService(GetObjectPose::Request& request, GetObjectPose::Response& response) {
+    try {
+      response.objects = answer(request, response.reason);
+    } catch (const std::exception& error) {
+      response.reason = error.what();
+    }
+    response.success = !response.objects.empty();
+    return true;  // false would lose the reason
+  }
+
+  /// The objects that a call asks for; none, with the reason, is an answer too.
+  std::vector<RecognizedObject> answer(const GetObjectPose::Request& request, std::string& reason) {
+    if (request.timeout < ros::Duration(0))
+      throw std::invalid_argument("timeout must not be negative, got " +
+                                  std::to_string(request.timeout.toSec()) + " s");
+    const std::chrono::nanoseconds timeout(
+        request.timeout.isZero() ? DEFAULT_TIMEOUT
+                                 : std::chrono::nanoseconds(request.timeout.toNSec()));
+    const auto deadline = Clock::now() + timeout;
+    checkName(request.name);
+
+    const auto frame = nextFrame(deadline);
+    reason = frame->reason;
+    auto objects = frame->objects;
+    objects.erase(std::remove_if(objects.begin(), objects.end(),
+                                 [&](const RecognizedObject& object) {
+                                   return !request.name.empty() && object.name != request.name;
+                                 }),
+                  objects.end());
+    if (objects.empty() && reason.empty())
+      reason = request.name + " is not in view; on the table: " + namesOf(*frame);
+    std::stable_sort(objects.begin(), objects.end(),
+                     [](const auto& a, const auto& b) { return a.score > b.score; });
+    return request.target_frame.empty() ? objects
+                                        : inFrame(request.target_frame, objects, deadline);
+  }
+
+  /// Throws unless the database knows an object of that name.
+  void checkName(const std::string& name) const {
+    if (name.empty() || name == "unknown") return;
+    const auto names = ObjectDatabase(models_->file(), ObjectDatabase::Mode::READ).names();
+    if (std::find(names.begin(), names.end(), name) != names.end()) return;
+    std::string list;
+    for (const auto& known : names) list += (list.empty() ? "" : ", ") + known;
+    throw std::invalid_argument("no object '" + name + "' in database " + models_->file().string() +
+                                "; it holds " + (names.empty() ? "no object" : list));
+  }
+
+  /// The next frame whose cloud arrives from now on; throws with the reason when none comes. Wakes
+  /// the graph up if it sleeps.
+  RecognizedObjectArrayConstPtr nextFrame(Clock::time_point deadline) {
+    const ros::Time called = ros::Time::now();
+    ++calls_;
+    updateSubscriptions();
+    const auto frame = frameSince(called, deadline);
+    const std::string inputs = frame ? "" : inputsReport();  // while they are subscribed
+    --calls_;
+    updateSubscriptions();
+    if (!frame) throw std::runtime_error("no frame came through in time: " + inputs);
+    return frame;
+  }
+
+  /// Null if there is none by the deadline.
+  RecognizedObjectArrayConstPtr frameSince(ros::Time called, Clock::time_point deadline) {
+    std::unique_lock<std::mutex> lock(latest_mutex_);
+    const auto before = latest_.objects;
+    const auto arrived = [&] {
+      return stopping_ || (latest_.objects != before && latest_.received >= called);
+    };
+    const bool came = latest_changed_.wait_until(lock, deadline, arrived);
+    return came && !stopping_ ? latest_.objects : nullptr;
+  }
+
+  /// Which of the inputs nobody publishes.
+  std::string inputsReport() const {
+    std::string silent;
+    const auto check = [&](const ros::Subscriber& subscriber) {
+      if (subscriber && subscriber.getNumPublishers() > 0) return;
+      silent += (silent.empty() ? "" : ", ") + subscriber.getTopic();
+    };
+    check(cloud_sub_.getSubscriber());
+    check(table_sub_.getSubscriber());
+    check(candidates_sub_.getSubscriber());
+    return silent.empty() ? "is the camera publishing?" : "nobody publishes " + silent;
+  }
+
+  std::vector<RecognizedObject> inFrame(const std::string& target_frame,
+                                        std::vector<RecognizedObject> objects,
+                                        Clock::time_point deadline) const {
+    if (objects.empty()) return objects;
+    const auto& header = objects.front().header;
+    const auto T_target_camera =
+        lookupTransformBy(deadline, tf_, target_frame, header.frame_id, header.stamp);
+    for (auto& object : objects) object = movedTo(target_frame, T_target_camera, object);
+    return objects;
+  }
+
+  using Policy = message_filters::sync_policies::ExactTime<CandidateArray, sensor_msgs::PointCloud2,
+                                                           TableMessage, sensor_msgs::PointCloud2>;
+  static constexpr int SERVICE_THREADS = 4;  ///< calls that wait at the same time
+  static constexpr std::chrono::seconds DEFAULT_TIMEOUT{5};
+
+  PipelineOptions options_;  ///< refine and verify count
+  bool publish_tf_ = true;
+  std::optional<ModelSource> models_;
+  Tracker tracker_;
+
+  tf2_ros::Buffer tf_;
+  tf2_ros::TransformListener tf_listener_{tf_};
+  tf2_ros::TransformBroadcaster tf_broadcaster_;
+  ros::Publisher objects_pub_;
+  message_filters::Subscriber<CandidateArray> candidates_sub_;
+  message_filters::Subscriber<sensor_msgs::PointCloud2> clusters_sub_;
+  message_filters::Subscriber<TableMessage> table_sub_;
+  message_filters::Subscriber<sensor_msgs::PointCloud2> cloud_sub_;
+  message_filters::Synchronizer<Policy> sync_{Policy(SYNC_QUEUE), candidates_sub_, clusters_sub_,
+                                              table_sub_, cloud_sub_};
+
+  /// The last frame that came through, and when its cloud came here.
+  struct Latest {
+    RecognizedObjectArrayConstPtr objects;
+    ros::Time received;
+  };
+  std::mutex latest_mutex_;
+  std::condition_variable latest_changed_;
+  Latest latest_;
+  bool stopping_ = false;
+
+  std::atomic<int> calls_{0};  ///< that wait for a frame
+  ros::CallbackQueue service_queue_;
+  ros::ServiceServer service_;
+  std::unique_ptr<ros::AsyncSpinner> spinner_;
+};
+
+}  // namespace tabletop_perception
+
+PLUGINLIB_EXPORT_CLASS(tabletop_perception::RefineNodelet, nodelet::Nodelet)

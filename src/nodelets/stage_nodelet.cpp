@@ -1,0 +1,51 @@
+#include "stage_nodelet.h"
+
+#include <algorithm>
+#include <exception>
+
+namespace tabletop_perception {
+
+void StageNodelet::onInit() {
+  try {
+    std::lock_guard<std::mutex> lock(mutex_);  // a listener may come before start() is through
+    start();
+    started_ = true;
+  } catch (const std::exception& error) {
+    // An exception that leaves onInit would end the manager.
+    servers_.clear();
+    publishers_.clear();
+    NODELET_FATAL("%s is not started: %s", getName().c_str(), error.what());
+    return;
+  }
+  updateSubscriptions();
+}
+
+void StageNodelet::updateSubscriptions() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (!started_) return;
+  const auto heard = [](const ros::Publisher& p) { return p.getNumSubscribers() > 0; };
+  const bool wanted = wantedAnyway() || std::any_of(publishers_.begin(), publishers_.end(), heard);
+  if (wanted == subscribed_) return;
+  subscribed_ = wanted;
+  wanted ? subscribe() : unsubscribe();
+}
+
+void StageNodelet::attempt(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const std::exception& error) {
+    warn(std::string("frame skipped: ") + error.what());
+  }
+}
+
+void StageNodelet::warn(const std::string& text) {
+  using namespace std::chrono_literals;
+  const auto now = std::chrono::steady_clock::now();
+  const bool first = last_warning_.empty();
+  if (!first && now - last_warning_time_ < (text == last_warning_ ? 10s : 1s)) return;
+  last_warning_ = text;
+  last_warning_time_ = now;
+  NODELET_WARN("%s", text.c_str());
+}
+
+}  // namespace tabletop_perception

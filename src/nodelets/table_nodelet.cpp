@@ -1,0 +1,106 @@
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <tf2_ros/transform_broadcaster.h>
+#include <tf2_ros/transform_listener.h>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "conversions.h"
+#include "stage_nodelet.h"
+#include "tabletop_perception/TableConfig.h"
+#include "tabletop_perception/table.h"
+#include "tf_wait.h"
+
+namespace tabletop_perception {
+
+/// `~input` PointCloud2 -> `~objects` PointCloud2 of what stands on the table, `~table` Table,
+/// and the tf frame of the table. Every frame is answered, also one without a table.
+///
+/// Parameters: `up`, the direction against gravity in the cloud's frame [x, y, z], or `up_frame`,
+/// the tf frame whose z axis it is, with `up_timeout` [s]; `table_frame` and `publish_tf`.
+class TableNodelet : public StageNodelet {
+  void start() override {
+    const auto up = parameter("up", std::vector<double>{0, 0, 0});
+    if (up.size() != 3) throw std::invalid_argument("up must be [x, y, z]");
+    up_ = {up[0], up[1], up[2]};
+    up_frame_ = parameter("up_frame", std::string());
+    up_timeout_ = parameter("up_timeout", 0.2);
+    table_frame_ = parameter("table_frame", std::string("table"));
+    publish_tf_ = parameter("publish_tf", true);
+    serveOptions<TableConfig>(getPrivateNodeHandle(), options_);
+
+    if (!up_frame_.empty()) tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_);
+    objects_pub_ = advertise<sensor_msgs::PointCloud2>("objects");
+    table_pub_ = advertise<TableMessage>("table");
+  }
+
+  void subscribe() override {
+    input_sub_ =
+        getPrivateNodeHandle().subscribe("input", INNER_QUEUE, &TableNodelet::onCloud, this);
+  }
+
+  void unsubscribe() override { input_sub_.shutdown(); }
+
+  bool wantedAnyway() override { return publish_tf_; }
+
+  void onCloud(const sensor_msgs::PointCloud2ConstPtr& message) {
+    attempt([&] {
+      const Cloud cloud = cloudFromMessage(*message);
+      const auto table = tableIn(cloud, message->header);
+      const auto table_message = messageFromTable(table, message->header);
+      table_pub_.publish(table_message);
+      if (table && publish_tf_)
+        tf_broadcaster_.sendTransform(
+            transformMessage(table_message->pose, message->header, table_frame_));
+
+      if (objects_pub_.getNumSubscribers() == 0) return;
+      const Cloud standing = table ? pointsOnTable(cloud, *table, options_)
+                                   : Cloud(cloud.width, cloud.height, cloud.colored());
+      objects_pub_.publish(messageFromCloud(standing, message->header));
+    });
+  }
+
+  /// The table, or why there is none: also when up is not known although it should be.
+  Found<Table> tableIn(const Cloud& cloud, const std_msgs::Header& header) {
+    std::optional<Eigen::Vector3d> up;
+    try {
+      up = upIn(header);
+    } catch (const tf2::TransformException& error) {
+      warn(std::string("no up direction: ") + error.what());
+      return Found<Table>::none(std::string("no up direction: ") + error.what());
+    }
+    return findTable(cloud, up, options_);
+  }
+
+  /// The direction against gravity in the cloud's frame, if it is to be used.
+  std::optional<Eigen::Vector3d> upIn(const std_msgs::Header& header) {
+    if (up_frame_.empty()) return up_.isZero() ? std::nullopt : std::optional(up_.normalized());
+    const auto deadline = std::chrono::steady_clock::now() +
+                          std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+                              std::chrono::duration<double>(up_timeout_));
+    return lookupTransformBy(deadline, tf_, header.frame_id, up_frame_, header.stamp)
+        .linear()
+        .col(2);
+  }
+
+  TableOptions options_;
+  Eigen::Vector3d up_;
+  std::string up_frame_;
+  double up_timeout_;
+  std::string table_frame_;
+  bool publish_tf_;
+
+  tf2_ros::Buffer tf_;
+  std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
+  tf2_ros::TransformBroadcaster tf_broadcaster_;
+  ros::Publisher objects_pub_, table_pub_;
+  ros::Subscriber input_sub_;
+};
+
+}  // namespace tabletop_perception
+
+PLUGINLIB_EXPORT_CLASS(tabletop_perception::TableNodelet, nodelet::Nodelet)
