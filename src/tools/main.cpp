@@ -18,6 +18,15 @@ int fail(std::string what) {
   return BAD_USAGE;
 }
 
+/// What the command line lacks or has too much, and where to read on.
+std::string usageError(const CLI::App& app, const CLI::ParseError& error) {
+  const auto commands = app.get_subcommands();
+  if (!commands.empty())
+    return std::string(error.what()) + " (see tabletop " + commands[0]->get_name() + " --help)";
+  const auto words = app.remaining();
+  return (words.empty() ? error.what() : "no subcommand " + words[0]) + " (see tabletop --help)";
+}
+
 /// Full disks and closed pipes show when the last of the output is written.
 int finish(int exit_code) {
   return std::fflush(stdout) == 0 && !std::ferror(stdout) ? exit_code
@@ -48,7 +57,7 @@ int main(int argc, char** argv) {
     return finish(0);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return finish(app.exit(error));  // --help, --version
-    return fail(std::string(error.what()) + " (see tabletop --help)");
+    return fail(usageError(app, error));
   } catch (const CommandFailed& failed) {
     return finish(failed.exit_code);
   } catch (const std::exception& error) {

@@ -4,8 +4,11 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <set>
 #include <stdexcept>
+#include <string_view>
+#include <vector>
 
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
@@ -185,10 +188,21 @@ fs::path cameraFile(const fs::path& folder) {
   refuse(folder, "neither gt.json nor camera.json in the folder");
 }
 
+/// The bytes of a PNG file. One that is cut short lacks its closing chunk; checked here, because
+/// the decoder prints its own complaint.
+std::vector<char> readPng(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  const std::vector<char> bytes(std::istreambuf_iterator<char>(stream), {});
+  const std::string_view text(bytes.data(), bytes.size());
+  if (text.substr(0, 4) != "\x89PNG") refuse(file, "not a PNG image");
+  if (text.find("IEND") == text.npos) refuse(file, "the image is cut short");
+  return bytes;
+}
+
 /// An image of the size that the camera states and of the given OpenCV type.
 cv::Mat readImage(const fs::path& file, int flags, int type, const char* type_name,
                   const DepthCamera& camera) {
-  const cv::Mat image = cv::imread(file.string(), flags);
+  const cv::Mat image = cv::imdecode(readPng(file), flags);
   if (image.empty()) refuse(file, "not a readable image");
   if (image.type() != type) refuse(file, std::string("must be ") + type_name);
   if (image.cols != camera.width || image.rows != camera.height)

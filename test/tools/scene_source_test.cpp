@@ -224,7 +224,10 @@ TEST(DepthFolder, IsRefusedWithTheFileAndTheReason) {
   EXPECT_TRUE(says(refusalOf(eight_bit), "eight_bit/depth.png", "16 bit"));
   const auto text = depthFolder(folder, "text_depth");
   folder.write("text_depth/depth.png", "hello");
-  EXPECT_TRUE(says(refusalOf(text), "text_depth/depth.png", "not a readable image"));
+  EXPECT_TRUE(says(refusalOf(text), "text_depth/depth.png", "not a PNG image"));
+  const auto cut = depthFolder(folder, "cut");
+  truncateFile(cut + "/depth.png", 0.8);
+  EXPECT_TRUE(says(refusalOf(cut), "cut/depth.png", "cut short"));
   const auto color = depthFolder(folder, "color");
   cv::imwrite(color + "/color.png", cv::Mat::zeros(4, 3, CV_8UC3));
   EXPECT_TRUE(says(refusalOf(color), "color/color.png", "3 x 4 pixels"));
