@@ -14,12 +14,13 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr int SAMPLE_SIZE = 1500;     // points that RANSAC looks at
-constexpr int MAX_ITERATIONS = 1000;  // of RANSAC
-constexpr double CONFIDENCE = 0.999;  // that one of them drew inliers alone
-constexpr double PATCH_CELL = 0.02;   // raster in which a patch of table is connected [m]
-constexpr int PATCH_GAP = 2;          // cells without points that a patch may span
-constexpr int MAX_CELLS = 2000;       // along one side of the raster
+constexpr int SAMPLE_SIZE = 1500;         // points that RANSAC looks at
+constexpr int MAX_ITERATIONS = 1000;      // of RANSAC
+constexpr double CONFIDENCE = 0.999;      // that one of them drew inliers alone
+constexpr double PATCH_CELL = 0.02;       // raster in which a patch of table is connected [m]
+constexpr int PATCH_GAP = 2;              // cells without points that a patch may span
+constexpr double MIN_PATCH_SHARE = 0.05;  // of the largest patch: smaller ones are chance
+constexpr int MAX_CELLS = 2000;           // along one side of the raster
 
 std::string format(const char* text, ...) __attribute__((format(printf, 1, 2)));
 std::string format(const char* text, ...) {
@@ -145,8 +146,9 @@ std::vector<cv::Point2f> flatten(const Cloud& cloud, const Indices& indices,
   return flat;
 }
 
-/// Which of the points belong to the connected patch that holds most of them.
-std::vector<bool> largestPatch(const std::vector<cv::Point2f>& flat) {
+/// Which of the points belong to the connected patches of the table. Objects and their shadows cut
+/// one table into several; a plane also meets, by chance, a few points of other things.
+std::vector<bool> tablePatches(const std::vector<cv::Point2f>& flat) {
   const cv::Rect2f extent = [&] {
     cv::Point2f low = flat.front(), high = low;
     for (const auto& p : flat) {
@@ -169,10 +171,10 @@ std::vector<bool> largestPatch(const std::vector<cv::Point2f>& flat) {
   cv::Mat1i patches;
   std::vector<int> counts(cv::connectedComponents(occupied, patches, 8, CV_32S));
   for (const auto& p : flat) ++counts[patches(cellOf(p))];
-  const int largest =
-      static_cast<int>(std::max_element(counts.begin(), counts.end()) - counts.begin());
+  const double least = MIN_PATCH_SHARE * *std::max_element(counts.begin(), counts.end());
   std::vector<bool> inside(flat.size());
-  for (std::size_t i = 0; i < flat.size(); ++i) inside[i] = patches(cellOf(flat[i])) == largest;
+  for (std::size_t i = 0; i < flat.size(); ++i)
+    inside[i] = counts[patches(cellOf(flat[i]))] >= least;
   return inside;
 }
 
@@ -219,7 +221,7 @@ double depthInside(const std::vector<Eigen::Vector2d>& hull, const Eigen::Vector
   return least;
 }
 
-/// The table on a plane that RANSAC drew: refitted to all its points, its largest patch outlined.
+/// The table on a plane that RANSAC drew: refitted to all its points, their patches outlined.
 Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& drawn,
                           const Eigen::Vector3d& forward, const std::optional<Eigen::Vector3d>& up,
                           const TableOptions& options) {
@@ -243,7 +245,7 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& drawn,
   const auto axes = axesInPlane(normal, forward);
   inliers = inliersOf(cloud, fit.plane, options.distance);
   const auto flat = flatten(cloud, inliers, foot, axes);
-  const auto in_patch = largestPatch(flat);
+  const auto in_patch = tablePatches(flat);
   std::vector<cv::Point2f> patch;
   for (std::size_t i = 0; i < flat.size(); ++i)
     if (in_patch[i]) patch.push_back(flat[i]);
