@@ -153,7 +153,7 @@ SceneObject decideCluster(const Cloud& scene, const Indices& cluster, std::uint3
     if (!alignment) continue;
     ranked.push_back({&model, alignment->T_camera_object,
                       verifyPose(model, index.grid(m), alignment->T_camera_object, sample, scene,
-                                 projection, options.verify)});
+                                 projection, table, options.verify)});
   }
   if (ranked.empty()) return object;
 

@@ -59,9 +59,10 @@ Surface facingSurface(const Surface& model, const Eigen::Isometry3d& T_camera_ob
 
 enum class Sight { SEEN, HIDDEN, VIOLATED };
 
-/// What the camera saw where a point of the model should be.
+/// What the camera saw where a point of the model should be. The table where the model should be is
+/// neither: it lies within tolerance of every model's foot.
 Sight sightOf(const Eigen::Vector3f& p, const Eigen::Vector3f& normal, const Cloud& scene,
-              const Projection& projection, double tolerance) {
+              const Projection& projection, const std::optional<Table>& table, double tolerance) {
   if (p.z() * projection.forward <= 0) return Sight::HIDDEN;
   const Eigen::Vector2d pixel = projection.pixel(p.cast<double>());
   const int u = static_cast<int>(std::lround(pixel.x())),
@@ -75,7 +76,8 @@ Sight sightOf(const Eigen::Vector3f& p, const Eigen::Vector3f& normal, const Clo
   const double slack = 1.5 * tolerance / std::max(0.3, facing);
   const double behind = scene.point(i).norm() - range;
   if (behind > slack) return Sight::VIOLATED;
-  return behind < -slack ? Sight::HIDDEN : Sight::SEEN;
+  const bool table_seen = table && heightAbove(*table, scene.point(i)) < tolerance;
+  return behind < -slack || table_seen ? Sight::HIDDEN : Sight::SEEN;
 }
 
 void explainCluster(const ObjectModel& model, const NearestGrid& grid,
@@ -101,15 +103,15 @@ void explainCluster(const ObjectModel& model, const NearestGrid& grid,
 }
 
 void lookForModel(const Surface& facing, const Surface& cluster, const Cloud& scene,
-                  const std::optional<Projection>& projection, double tolerance,
-                  Verification& verification) {
+                  const std::optional<Projection>& projection, const std::optional<Table>& table,
+                  double tolerance, Verification& verification) {
   if (facing.empty()) return;
   const KdTree tree(projection ? std::vector<Eigen::Vector3f>() : cluster.points);
   int seen = 0, violated = 0;
   for (std::size_t i = 0; i < facing.size(); ++i) {
     if (projection) {
       const Sight sight =
-          sightOf(facing.points[i], facing.normals[i], scene, *projection, tolerance);
+          sightOf(facing.points[i], facing.normals[i], scene, *projection, table, tolerance);
       seen += sight == Sight::SEEN;
       violated += sight == Sight::VIOLATED;
     } else {
@@ -123,6 +125,14 @@ void lookForModel(const Surface& facing, const Surface& cluster, const Cloud& sc
   verification.hidden = 1 - verification.visible - verification.violation;
 }
 
+/// How deep a model reaches below the table's surface [m].
+double sinkOf(const Surface& model, const Eigen::Isometry3d& T_camera_object, const Table& table) {
+  const Eigen::Isometry3f T = T_camera_object.cast<float>();
+  double lowest = 0;
+  for (const auto& p : model.points) lowest = std::min(lowest, heightAbove(table, T * p));
+  return -lowest;
+}
+
 std::string refusal(const Verification& v, const VerifyOptions& options) {
   char text[120];
   if (v.explained < options.min_explained)
@@ -132,6 +142,12 @@ std::string refusal(const Verification& v, const VerifyOptions& options) {
     std::snprintf(text, sizeof text,
                   "%.2f of the model is where the camera saw through, limit %.2f", v.violation,
                   options.max_violation);
+  else if (v.visible < options.min_visible)
+    std::snprintf(text, sizeof text, "%.2f of the model's surface was seen, limit %.2f", v.visible,
+                  options.min_visible);
+  else if (v.sink > options.max_sink)
+    std::snprintf(text, sizeof text, "the model reaches %.3f m into the table, limit %.3f", v.sink,
+                  options.max_sink);
   else if (v.score < options.min_score)
     std::snprintf(text, sizeof text, "score %.2f, limit %.2f", v.score, options.min_score);
   else
@@ -144,12 +160,13 @@ std::string refusal(const Verification& v, const VerifyOptions& options) {
 Verification verifyPose(const ObjectModel& model, const NearestGrid& grid,
                         const Eigen::Isometry3d& T_camera_object, const Surface& cluster,
                         const Cloud& scene, const std::optional<Projection>& projection,
-                        const VerifyOptions& options) {
+                        const std::optional<Table>& table, const VerifyOptions& options) {
   checkOptions("verify", options);
   Verification verification;
   explainCluster(model, grid, T_camera_object, cluster, options.tolerance, verification);
   const Surface facing = facingSurface(model.surface, T_camera_object);
-  lookForModel(facing, cluster, scene, projection, options.tolerance, verification);
+  lookForModel(facing, cluster, scene, projection, table, options.tolerance, verification);
+  if (table) verification.sink = sinkOf(model.surface, T_camera_object, *table);
 
   const double seen = verification.visible + verification.violation;
   const double consistent = seen > 0 ? verification.visible / seen : 0;
