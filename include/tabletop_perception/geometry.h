@@ -23,7 +23,8 @@ Surface transformed(const Surface& source, const Eigen::Isometry3d& T_target_sou
 /// Mean of the points; they must not be empty.
 Eigen::Vector3f centroidOf(const std::vector<Eigen::Vector3f>& points);
 
-/// One point per occupied cube of `leaf` [m]: the mean point and the normalised mean normal.
+/// One point per cube of `leaf` [m] and direction that a surface in it faces (the two sides of a
+/// thin wall stay apart): the mean point and the normalised mean normal.
 /// Throws std::invalid_argument unless `leaf` is positive. Order: by first point in each cube.
 Surface downsampled(const Surface& surface, double leaf);
 

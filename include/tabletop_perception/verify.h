@@ -16,7 +16,7 @@ namespace tabletop_perception {
 
 struct VerifyOptions {
   double tolerance = 0.008;     ///< farthest a scene point lies from the model it belongs to [m]
-  double min_score = 0.5;       ///< lower scores are unknown objects
+  double min_score = 0.7;       ///< lower scores are unknown objects
   double min_margin = 0.02;     ///< least lead in score over the best other object
   double min_explained = 0.7;   ///< least share of the cluster that the model explains
   double min_visible = 0.15;    ///< least share of the model's surface that the camera saw

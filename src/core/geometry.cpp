@@ -31,16 +31,42 @@ Eigen::Vector3f centroidOf(const std::vector<Eigen::Vector3f>& points) {
   return (sum / static_cast<double>(points.size())).cast<float>();
 }
 
+namespace {
+
+/// A cube and which of six directions a surface in it faces most: the two sides of a thin wall are
+/// never averaged.
+struct FacetKey {
+  VoxelKey voxel;
+  int facet;
+
+  static FacetKey of(const Eigen::Vector3f& p, const Eigen::Vector3f& normal, double inverse_leaf) {
+    Eigen::Index axis;
+    normal.cwiseAbs().maxCoeff(&axis);
+    return {VoxelKey::of(p, inverse_leaf), static_cast<int>(2 * axis) + (normal[axis] < 0)};
+  }
+  bool operator==(const FacetKey& other) const {
+    return voxel == other.voxel && facet == other.facet;
+  }
+};
+
+struct FacetKeyHash {
+  std::size_t operator()(const FacetKey& key) const {
+    return 6 * VoxelKeyHash()(key.voxel) + key.facet;
+  }
+};
+
+}  // namespace
+
 Surface downsampled(const Surface& surface, double leaf) {
   if (!(leaf > 0))
     throw std::invalid_argument("leaf must be positive, got " + std::to_string(leaf));
   Surface out;
   std::vector<int> counts;
-  std::unordered_map<VoxelKey, int, VoxelKeyHash> voxels;
+  std::unordered_map<FacetKey, int, FacetKeyHash> voxels;
   for (std::size_t i = 0; i < surface.size(); ++i) {
     const auto& p = surface.points[i];
-    const auto [it, fresh] =
-        voxels.try_emplace(VoxelKey::of(p, 1.0 / leaf), static_cast<int>(counts.size()));
+    const auto [it, fresh] = voxels.try_emplace(FacetKey::of(p, surface.normals[i], 1.0 / leaf),
+                                                static_cast<int>(counts.size()));
     if (fresh) {
       out.points.emplace_back(Eigen::Vector3f::Zero());
       out.normals.emplace_back(Eigen::Vector3f::Zero());

@@ -10,8 +10,10 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr float MIN_NORMAL_DOT = 0.5f;  // correspondences whose normals differ more are none
-constexpr double SHRINK = 0.8;          // of the correspondence distance per iteration
+// Correspondences whose normals differ more are none. Opposite ones agree: the nearest point of a
+// thin wall may lie on its other side.
+constexpr float MIN_NORMAL_DOT = 0.5f;
+constexpr double SHRINK = 0.8;  // of the correspondence distance per iteration
 constexpr double DAMPING =
     1e-4;  // of the normal equations' mean diagonal: free directions stay put
 constexpr int MIN_POINTS = 6;
@@ -40,7 +42,7 @@ std::vector<Correspondence> correspondences(const Surface& cluster, const Surfac
     const float squared_distance = (model.points[nearest] - p).squaredNorm();
     if (squared_distance > limit) continue;
     const Eigen::Vector3f normal = T.linear() * cluster.normals[i];
-    if (normal.dot(model.normals[nearest]) < MIN_NORMAL_DOT) continue;
+    if (std::abs(normal.dot(model.normals[nearest])) < MIN_NORMAL_DOT) continue;
     pairs.push_back({p, nearest, squared_distance});
   }
   const auto kept = static_cast<std::size_t>(std::ceil(trim * static_cast<double>(pairs.size())));

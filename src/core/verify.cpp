@@ -12,8 +12,8 @@ namespace tabletop_perception {
 namespace {
 
 constexpr std::size_t MAX_MODEL_POINTS = 2500;  // of the surface that are held against the scene
-constexpr float MIN_FACING = 0.2f;  // cosine to the viewing ray; flatter points say nothing
-constexpr float MIN_NORMAL_DOT = 0.5f;
+constexpr float MIN_FACING = 0.2f;        // cosine to the viewing ray; flatter points say nothing
+constexpr float MIN_NORMAL_DOT = 0.5f;    // of model and scene, either side of a thin wall
 constexpr double OCCLUSION_CELL = 0.008;  // raster in which a model hides its own back [m]
 constexpr double OCCLUSION_GAP = 0.012;   // and how much nearer the hiding part lies [m]
 
@@ -93,7 +93,8 @@ void explainCluster(const ObjectModel& model, const NearestGrid& grid,
     if (nearest < 0) continue;
     const float squared = (model.surface.points[nearest] - p).squaredNorm();
     const Eigen::Vector3f normal = T.linear() * cluster.normals[i];
-    if (squared > limit || normal.dot(model.surface.normals[nearest]) < MIN_NORMAL_DOT) continue;
+    const float agreement = std::abs(normal.dot(model.surface.normals[nearest]));
+    if (squared > limit || agreement < MIN_NORMAL_DOT) continue;
     ++explained;
     sum += squared;
   }
