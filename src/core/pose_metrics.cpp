@@ -75,11 +75,11 @@ Eigen::Matrix3d axesOfBox(const Surface& surface) {
   return axes;
 }
 
-Symmetry symmetryOf(const Mesh& mesh, const std::string& words, double diameter) {
+Symmetry symmetryOf(const Mesh& mesh, const std::string& words) {
   static const std::regex DECLARED(R"((none|axis [xyz]|half [xyz]|box)( \(continuous\)| 180deg)?)");
   std::smatch match;
   const Surface surface = sampledSurface(mesh);
-  if (!std::regex_match(words, match, DECLARED)) return detectSymmetry(surface, diameter);
+  if (!std::regex_match(words, match, DECLARED)) return detectSymmetry(surface);
   Symmetry symmetry = declaredSymmetry(match[1], middleOf(mesh.vertices));
   if (match[1] == "box") {
     const Eigen::Matrix3d axes = axesOfBox(surface);
@@ -121,7 +121,7 @@ std::optional<double> medianOf(std::vector<double> values) {
 ReferenceModel makeReferenceModel(const Mesh& mesh, const std::string& symmetry) {
   const double diameter = diameterOf(mesh.vertices);
   return {KdTree(mesh.vertices), diameter,
-          symmetryMotions(symmetryOf(mesh, symmetry, diameter), STEPS_OF_A_TURN)};
+          symmetryMotions(symmetryOf(mesh, symmetry), STEPS_OF_A_TURN)};
 }
 
 PoseError measurePose(const ReferenceModel& model, const Eigen::Isometry3d& T_camera_truth,
