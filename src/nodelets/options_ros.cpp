@@ -1,5 +1,7 @@
 #include "options_ros.h"
 
+#include <sstream>
+
 namespace tabletop_perception {
 namespace {
 
@@ -7,7 +9,9 @@ using XmlRpc::XmlRpcValue;
 
 std::invalid_argument wrongType(const std::string& name, const XmlRpcValue& value,
                                 const std::string& right) {
-  return std::invalid_argument(name + " must be " + right + ", got " + value.toXml());
+  std::ostringstream got;
+  value.write(got);
+  return std::invalid_argument(name + " must be " + right + ", got '" + got.str() + "'");
 }
 
 }  // namespace

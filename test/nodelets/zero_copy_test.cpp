@@ -1,0 +1,46 @@
+#include <gtest/gtest.h>
+#include <nodelet/loader.h>
+
+#include "graph.h"
+
+namespace tabletop_perception {
+namespace {
+
+using namespace test;
+
+/// Nodelets and this test in one process, as in one manager.
+TEST(ZeroCopy, nodeletsPassTheSameMessageOn) {
+  nodelet::Loader manager(false);
+  const auto load = [&](const std::string& name, const std::string& input) {
+    return manager.load("/" + name, "tabletop_perception/" + name, {{"/" + name + "/input", input}},
+                        {});
+  };
+  ASSERT_TRUE(load("filter", "/camera/depth_registered/points"));
+  ASSERT_TRUE(load("table", "/filter/cloud"));
+  ASSERT_TRUE(load("cluster", "/table/objects"));
+  ASSERT_TRUE(load("match", "/cluster/clusters"));
+
+  ros::NodeHandle nh;
+  Camera camera(nh);
+  Recorder<sensor_msgs::PointCloud2> published(nh, "/cluster/clusters");
+  Recorder<sensor_msgs::PointCloud2> passed_on(nh, "/match/clusters");
+  const Cloud cloud = scene::threeObjects().cloud;
+  ros::Time stamp;
+  ASSERT_TRUE(spinUntil([&] {
+    stamp = camera.send(cloud);
+    return spinUntil([&] { return published.has(stamp) && passed_on.has(stamp); }, 1);
+  }));
+
+  // match publishes the message that it got from cluster: all three of them hold the same one.
+  EXPECT_EQ(published.at(stamp), passed_on.at(stamp));
+  EXPECT_EQ(published.at(stamp)->data.data(), passed_on.at(stamp)->data.data());
+}
+
+}  // namespace
+}  // namespace tabletop_perception
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "zero_copy_test");
+  return RUN_ALL_TESTS();
+}
