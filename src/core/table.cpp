@@ -285,6 +285,11 @@ std::string refusal(const Table& table, const std::optional<Eigen::Vector3d>& up
   return "";
 }
 
+Cloud withoutPoints(Cloud cloud, const Indices& indices) {
+  for (const int i : indices) cloud.drop(i);
+  return cloud;
+}
+
 int carriedBy(const Cloud& cloud, const Table& table, const TableOptions& options) {
   const Cloud carried = pointsOnTable(cloud, table, options);
   return static_cast<int>(validIndices(carried).size());
@@ -309,10 +314,12 @@ Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>&
 
   std::string first_refusal;
   std::optional<Table> bare;
+  const Cloud* looked_at = &cloud;
+  Cloud rest;  // what the planes before leave over: no point belongs to two
   for (int plane = 0; plane < options.max_planes; ++plane) {
     const auto drawn = ransacPlane(cloud, sample, plane == 0 ? std::nullopt : up, options, random);
     if (!drawn) break;
-    auto table = tableOnPlane(cloud, *drawn, forward, up, options);
+    auto table = tableOnPlane(*looked_at, *drawn, forward, up, options);
     const std::string why = table ? refusal(*table, up, options) : table.reason;
     if (why.empty()) {
       if (carriedBy(cloud, *table, options) >= options.min_carried) return table;
@@ -320,6 +327,8 @@ Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>&
     } else if (first_refusal.empty()) {
       first_refusal = why;
     }
+    rest = withoutPoints(*looked_at, table ? table->inliers : Indices{});
+    looked_at = &rest;
     const Eigen::Vector4d found = table ? table->plane : *drawn;
     sample.erase(std::remove_if(sample.begin(), sample.end(),
                                 [&](int i) {

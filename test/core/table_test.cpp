@@ -1,0 +1,386 @@
+#include "tabletop_perception/table.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "clouds.h"
+#include "scene.h"
+
+using namespace tabletop_perception;
+using clouds::refusalOf;
+
+namespace {
+
+constexpr double DEG = M_PI / 180;
+
+/// Three objects on a table of 0.6 x 0.7 m, all of it in view, with 2 mm of noise.
+const scene::SyntheticScene& noisyScene() {
+  static const scene::SyntheticScene noisy = [] {
+    scene::SceneOptions options;
+    options.noise = 0.002;
+    options.table_x = 0.6;
+    options.table_y = 0.7;
+    return scene::threeObjects(options);
+  }();
+  return noisy;
+}
+
+/// A small table with a box on it, seen flatter than usual, and what stands about it.
+scene::SyntheticScene tableAmid(const std::vector<scene::Standing>& surroundings) {
+  scene::SceneOptions options;
+  options.table_x = options.table_y = 0.5;
+  options.pitch_deg = 30;
+  std::vector<scene::Standing> all{{"box", scene::box(0.1, 0.1, 0.15), scene::standing(0, 0, 0.5)}};
+  all.insert(all.end(), surroundings.begin(), surroundings.end());
+  return scene::render(all, options);
+}
+
+scene::Standing wall() {
+  return {"wall", scene::moved(scene::box(0.02, 5, 5), 0.5, 0, -2.5), scene::standing(0, 0, 0)};
+}
+
+scene::Standing floorBelow() {
+  return {"floor", scene::moved(scene::box(8, 8, 0.02), 0, 0, -0.72), scene::standing(0, 0, 0)};
+}
+
+scene::Standing boxOnTheFloor() {
+  return {"crate", scene::moved(scene::box(0.2, 0.2, 0.3), 0.3, 0.7, -0.7),
+          scene::standing(0, 0, 0)};
+}
+
+double angleBetween(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+void expectPlane(const Table& table, const Eigen::Vector4d& truth, double angle_deg,
+                 double distance) {
+  EXPECT_NEAR(table.plane.head<3>().norm(), 1, 1e-9);
+  EXPECT_LT(angleBetween(table.plane.head<3>(), truth.head<3>()) / DEG, angle_deg);
+  for (const auto& corner : hullInCamera(table))
+    EXPECT_NEAR(truth.head<3>().dot(corner) + truth[3], 0, 2 * distance) << "at a corner";
+  EXPECT_NEAR(truth.head<3>().dot(table.T_camera_table.translation()) + truth[3], 0, distance);
+}
+
+double areaOf(const std::vector<Eigen::Vector2d>& hull) {
+  double twice = 0;
+  for (std::size_t i = 0; i < hull.size(); ++i) {
+    const auto &a = hull[i], &b = hull[(i + 1) % hull.size()];
+    twice += a.x() * b.y() - b.x() * a.y();
+  }
+  return twice / 2;
+}
+
+/// A table about which nothing is special: turned and shifted, its hull 0.4 x 0.2 m.
+Table turnedTable() {
+  Table table;
+  table.T_camera_table = clouds::motion(130, {1, 0.3, -0.2}, {0.1, -0.2, 0.9});
+  const Eigen::Vector3d normal = table.T_camera_table.linear().col(2);
+  table.plane << normal, -normal.dot(table.T_camera_table.translation());
+  table.hull = {{-0.2, -0.1}, {0.2, -0.1}, {0.2, 0.1}, {-0.2, 0.1}};
+  return table;
+}
+
+}  // namespace
+
+TEST(Table, IsFoundExactlyAmongNoiseAndObjects) {
+  const auto& scene = noisyScene();
+  for (const auto& up :
+       {std::optional<Eigen::Vector3d>(scene.up), std::optional<Eigen::Vector3d>()})
+    for (const int seed : {1, 2, 3}) {
+      TableOptions options;
+      options.seed = seed;
+      const auto table = findTable(scene.cloud, up, options);
+      ASSERT_TRUE(table) << table.reason;
+      EXPECT_EQ(table.reason, "");
+      expectPlane(*table, scene.plane, 0.05, 0.0005);
+      EXPECT_NEAR(table->rms, 0.002 * std::sin(40 * DEG), 0.0004);
+    }
+}
+
+TEST(Table, ItsInliersAreThePixelsOfTheTable) {
+  const auto& scene = noisyScene();
+  const auto table = findTable(scene.cloud, scene.up, TableOptions());
+  ASSERT_TRUE(table);
+  const auto is_table = [&](int i) { return scene.truth[i] == 1; };
+  const auto& inliers = table->inliers;
+  EXPECT_TRUE(std::is_sorted(inliers.begin(), inliers.end()));
+  const double right = std::count_if(inliers.begin(), inliers.end(), is_table);
+  int all = 0;  // of the surface, without the table's sides
+  for (std::size_t i = 0; i < scene.cloud.size(); ++i)
+    all += scene.truth[i] == 1 &&
+           std::abs(scene.plane.head<3>().dot(scene.cloud.point(i).cast<double>()) +
+                    scene.plane[3]) < 0.008;
+  EXPECT_GT(right / inliers.size(), 0.98);  // the feet of objects lie in the band as well
+  EXPECT_GT(right / all, 0.98);
+  for (const int i : inliers)
+    ASSERT_LE(std::abs(heightAbove(*table, scene.cloud.point(i))), TableOptions().distance);
+}
+
+TEST(Table, ItsHullIsConvexCounterClockwiseAndHoldsTheInliers) {
+  const auto& scene = noisyScene();
+  const auto table = findTable(scene.cloud, scene.up, TableOptions());
+  ASSERT_TRUE(table);
+  const auto& hull = table->hull;
+  ASSERT_GE(hull.size(), 4u);
+  const auto leftOf = [&](std::size_t i, const Eigen::Vector2d& p) {
+    const Eigen::Vector2d edge = hull[(i + 1) % hull.size()] - hull[i], d = p - hull[i];
+    return edge.x() * d.y() - edge.y() * d.x();
+  };
+  for (std::size_t i = 0; i < hull.size(); ++i) {
+    EXPECT_GT(leftOf(i, hull[(i + 2) % hull.size()]), 0) << "corner " << i;
+    EXPECT_GT((hull[(i + 1) % hull.size()] - hull[i]).norm(), 1e-6);
+  }
+  for (const int k : table->inliers) {
+    const Eigen::Vector3d p = table->T_camera_table.inverse() * scene.cloud.point(k).cast<double>();
+    for (std::size_t i = 0; i < hull.size(); ++i) ASSERT_GE(leftOf(i, p.head<2>()), -1e-5);
+  }
+  EXPECT_NEAR(areaOf(hull), 0.6 * 0.7, 0.02);
+}
+
+TEST(Table, ItsFrameHasZOutOfItAndXForward) {
+  const auto& scene = noisyScene();
+  const auto table = findTable(scene.cloud, scene.up, TableOptions());
+  ASSERT_TRUE(table);
+  const Eigen::Matrix3d R = table->T_camera_table.linear();
+  EXPECT_NEAR(R.determinant(), 1, 1e-9);
+  EXPECT_TRUE((R.transpose() * R).isIdentity(1e-9));
+  EXPECT_NEAR((R.col(2) - table->plane.head<3>()).norm(), 0, 1e-9);
+  EXPECT_NEAR(heightAbove(*table, table->T_camera_table.translation().cast<float>()), 0, 1e-6);
+  const Eigen::Isometry3d off = scene.T_camera_table.inverse() * table->T_camera_table;
+  EXPECT_LT(angleBetween(off.linear().col(0), Eigen::Vector3d::UnitX()) / DEG, 2);
+  EXPECT_LT(off.translation().norm(), 0.01);  // the middle of the table
+}
+
+TEST(Table, TurnsWithTheSceneIntoACameraThatLooksAlongNegativeZ) {
+  const auto& scene = noisyScene();
+  const Eigen::Isometry3d T = clouds::motion(180, Eigen::Vector3d::UnitX(), {0, 0, 0});
+  for (const bool with_up : {true, false}) {
+    const auto up = [&](const Eigen::Vector3d& u) {
+      return with_up ? std::optional<Eigen::Vector3d>(u) : std::nullopt;
+    };
+    const auto table = findTable(scene.cloud, up(scene.up), TableOptions());
+    const auto turned =
+        findTable(clouds::turned(scene.cloud, T), up(T.linear() * scene.up), TableOptions());
+    ASSERT_TRUE(table && turned) << turned.reason;
+    EXPECT_TRUE((T * table->T_camera_table).isApprox(turned->T_camera_table, 1e-4));
+    EXPECT_TRUE(turned->plane.head<3>().isApprox(T.linear() * table->plane.head<3>(), 1e-5));
+    EXPECT_NEAR(turned->plane[3], table->plane[3], 1e-5);
+    EXPECT_NEAR(areaOf(turned->hull), areaOf(table->hull), 1e-4);
+  }
+}
+
+TEST(Table, TurnsWithTheSceneIntoAnyFrame) {
+  const auto& scene = noisyScene();
+  const Eigen::Isometry3d T = clouds::motion(77, {0.3, -1, 0.4}, {0, 0, 0});
+  const auto turned =
+      findTable(clouds::turned(scene.cloud, T), T.linear() * scene.up, TableOptions());
+  ASSERT_TRUE(turned) << turned.reason;
+  Eigen::Vector4d plane = scene.plane;
+  plane.head<3>() = T.linear() * scene.plane.head<3>();
+  expectPlane(*turned, plane, 0.05, 0.0005);
+  const Eigen::Isometry3d off = (T * scene.T_camera_table).inverse() * turned->T_camera_table;
+  EXPECT_LT(angleOf(off.linear()) / DEG, 2);
+  EXPECT_LT(off.translation().norm(), 0.01);
+}
+
+TEST(Table, SameInputSameBits) {
+  const auto& scene = noisyScene();
+  const auto once = findTable(scene.cloud, scene.up, TableOptions());
+  const auto again = findTable(scene.cloud, scene.up, TableOptions());
+  ASSERT_TRUE(once && again);
+  EXPECT_EQ(once->plane, again->plane);
+  EXPECT_EQ(once->T_camera_table.matrix(), again->T_camera_table.matrix());
+  EXPECT_EQ(once->hull, again->hull);
+  EXPECT_EQ(once->inliers, again->inliers);
+  EXPECT_EQ(once->rms, again->rms);
+}
+
+TEST(Table, IsFoundAmongPixelsWithoutDepthAndWithoutAGrid) {
+  scene::SyntheticScene scene = noisyScene();
+  std::mt19937 random(5);
+  for (std::size_t i = 0; i < scene.cloud.size(); ++i)
+    if (random() % 3 == 0) scene.cloud.drop(i);
+  const auto table = findTable(scene.cloud, scene.up, TableOptions());
+  ASSERT_TRUE(table) << table.reason;
+  expectPlane(*table, scene.plane, 0.05, 0.0005);
+  for (const int i : table->inliers) ASSERT_TRUE(scene.cloud.valid(i));
+
+  const Cloud packed = selectPoints(scene.cloud, validIndices(scene.cloud));
+  const auto unorganised = findTable(packed, scene.up, TableOptions());
+  ASSERT_TRUE(unorganised) << unorganised.reason;
+  EXPECT_EQ(unorganised->plane, table->plane);
+}
+
+TEST(Table, ALargerWallIsNoTableWhenUpIsKnown) {
+  const auto scene = tableAmid({wall()});
+  const auto count = [&](std::uint32_t label) {
+    return std::count(scene.truth.begin(), scene.truth.end(), label);
+  };
+  ASSERT_GT(count(3), 2 * count(1)) << "the wall is meant to be the larger";
+  TableOptions options;
+  const auto table = findTable(scene.cloud, scene.up, options);
+  ASSERT_TRUE(table) << table.reason;
+  expectPlane(*table, scene.plane, 0.05, 0.0005);
+
+  options.max_planes = 1;
+  const auto none = findTable(scene.cloud, scene.up, options);
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.reason, "largest plane is 90 deg from up, limit 20");
+}
+
+TEST(Table, ATiltWithinTheLimitIsATable) {
+  const auto tilted = [](const scene::SyntheticScene& scene, double degrees) {
+    const Eigen::Vector3d across = scene.T_camera_table.linear().col(1);
+    TableOptions options;
+    options.max_tilt_deg = 10;
+    const Eigen::Vector3d up = Eigen::AngleAxisd(degrees * DEG, across) * scene.up;
+    return findTable(scene.cloud, up, options);
+  };
+  scene::SceneOptions options;
+  options.noise = 0.002;
+  const auto bare = scene::render({}, options);
+  EXPECT_TRUE(tilted(bare, 9));
+  const auto none = tilted(bare, 12);
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.reason, "largest plane is 12 deg from up, limit 10");
+
+  // Nor does a slanting plane through the refused table and its objects become one.
+  for (const double degrees : {12, 15, 25, 40}) {
+    const auto table = tilted(noisyScene(), degrees);
+    if (!table) continue;
+    for (const int i : table->inliers) ASSERT_NE(noisyScene().truth[i], 1u) << degrees << " deg";
+  }
+}
+
+TEST(Table, TheHeightBandExcludesTheFloor) {
+  const auto scene = tableAmid({floorBelow(), boxOnTheFloor()});
+  TableOptions options;
+  const auto floor = findTable(scene.cloud, scene.up, options);
+  ASSERT_TRUE(floor) << floor.reason;
+  EXPECT_NEAR(floor->plane[3] - scene.plane[3], 0.7, 0.002) << "the floor is the larger";
+
+  options.use_height_band = true;
+  options.min_table_height = -0.8;
+  options.max_table_height = -0.1;
+  const auto table = findTable(scene.cloud, scene.up, options);
+  ASSERT_TRUE(table) << table.reason;
+  expectPlane(*table, scene.plane, 0.05, 0.0005);
+
+  options.max_planes = 1;
+  const auto none = findTable(scene.cloud, scene.up, options);
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.reason, "largest level plane is at height -1.15 m, limits -0.80 to -0.10");
+}
+
+TEST(Table, CarriesSomethingOrIsNotPreferred) {
+  // The floor is larger; the table lies higher than things that stand on the floor may.
+  const auto scene = tableAmid({floorBelow()});
+  for (const auto& up :
+       {std::optional<Eigen::Vector3d>(scene.up), std::optional<Eigen::Vector3d>()}) {
+    const auto table = findTable(scene.cloud, up, TableOptions());
+    ASSERT_TRUE(table) << table.reason;
+    EXPECT_EQ(table.reason, "");
+    expectPlane(*table, scene.plane, 0.05, 0.0005);
+  }
+}
+
+TEST(Table, ABarePlaneIsATableOnWhichNothingStands) {
+  const auto scene = scene::render({});
+  for (const auto& up :
+       {std::optional<Eigen::Vector3d>(scene.up), std::optional<Eigen::Vector3d>()}) {
+    const auto table = findTable(scene.cloud, up, TableOptions());
+    ASSERT_TRUE(table);
+    EXPECT_EQ(table.reason, "nothing stands on it");
+    expectPlane(*table, scene.plane, 0.05, 0.0005);
+  }
+}
+
+TEST(Table, PartsThatShadowsCutOffBelongToItAndSpecksInItsPlaneDoNot) {
+  scene::SceneOptions options;
+  options.table_x = options.table_y = 0;
+  const auto part = [](double x, double y, double at) {
+    return scene::Standing{"part", scene::moved(scene::box(x, y, 0.02), 0, 0, -0.02),
+                           scene::standing(0, at, 0)};
+  };
+  const auto scene =
+      scene::render({part(0.4, 0.4, -0.2), part(0.4, 0.1, 0.15), part(0.05, 0.05, 0.4)}, options);
+  const auto table = findTable(scene.cloud, scene.up, TableOptions());
+  ASSERT_TRUE(table);
+  EXPECT_NEAR(areaOf(table->hull), 0.4 * 0.6, 0.01);
+  for (const int i : table->inliers) ASSERT_TRUE(scene.truth[i] == 2 || scene.truth[i] == 3);
+}
+
+TEST(Table, NothingFoundHasItsReason) {
+  const auto reasonFor = [](const Cloud& cloud) {
+    const auto table = findTable(cloud, std::nullopt, TableOptions());
+    EXPECT_FALSE(table);
+    return table.reason;
+  };
+  EXPECT_EQ(reasonFor(Cloud(64, 48, false)), "the cloud has no valid point");
+  EXPECT_EQ(reasonFor(Cloud()), "the cloud has no valid point");
+  EXPECT_EQ(reasonFor(clouds::cloudOf({{0, 0, 1}, {1, 0, 1}})), "no plane");
+  const auto line = [] {
+    std::vector<Eigen::Vector3f> points;
+    for (int i = 0; i < 5000; ++i) points.emplace_back(i * 0.001f, 0, 1);
+    return points;
+  }();
+  EXPECT_EQ(reasonFor(clouds::cloudOf(line)), "no plane");
+  const auto fog = reasonFor(clouds::cloudOf(clouds::randomPoints(5000, 0.5f, 1)));
+  int points = 0;
+  ASSERT_EQ(std::sscanf(fog.c_str(), "largest plane has %d points, limit 2000", &points), 1) << fog;
+  EXPECT_GT(points, 50);
+  EXPECT_LT(points, 500);
+}
+
+TEST(Table, OptionsOutOfRangeAreRefused) {
+  TableOptions options;
+  options.max_tilt_deg = 100;
+  EXPECT_EQ(refusalOf([&] { findTable(Cloud(), std::nullopt, options); }),
+            "table.max_tilt_deg must be between 0 and 90, got 100");
+}
+
+TEST(Table, WhatStandsOnItLiesInTheHeightBandAboveTheHull) {
+  const Table table = turnedTable();
+  const auto inTable = clouds::randomPoints(3000, 0.4f, 8);
+  Cloud cloud(60, 50, false);
+  for (std::size_t i = 0; i < cloud.size(); ++i)
+    if (i % 5 != 0)
+      cloud.setPoint(i, (table.T_camera_table * inTable[i].cast<double>()).cast<float>());
+  for (const double margin : {0.0, -0.05}) {
+    TableOptions options;
+    options.min_height = 0.02;
+    options.max_height = 0.25;
+    options.hull_margin = margin;
+    const Cloud standing = pointsOnTable(cloud, table, options);
+    EXPECT_EQ(standing.width, 60);
+    EXPECT_EQ(standing.height, 50);
+    int stand = 0;
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+      const auto& p = inTable[i];
+      const bool stands = cloud.valid(i) && p.z() >= 0.02f && p.z() <= 0.25f &&
+                          std::abs(p.x()) <= 0.2 + margin && std::abs(p.y()) <= 0.1 + margin;
+      ASSERT_EQ(standing.valid(i), stands) << p.transpose() << ", margin " << margin;
+      stand += stands;
+    }
+    EXPECT_GT(stand, 20);
+  }
+}
+
+TEST(Table, AMarginCountsFromTheEdges) {
+  const Table table = turnedTable();
+  TableOptions options;
+  options.hull_margin = 0.05;
+  const auto stands = [&](double x, double y) {
+    const Eigen::Vector3d p = table.T_camera_table * Eigen::Vector3d(x, y, 0.1);
+    return !validIndices(pointsOnTable(clouds::cloudOf({p.cast<float>()}), table, options)).empty();
+  };
+  EXPECT_TRUE(stands(0.24, 0));
+  EXPECT_FALSE(stands(0.26, 0));
+  EXPECT_TRUE(stands(0, -0.14));
+  EXPECT_FALSE(stands(0, -0.16));
+}
