@@ -13,14 +13,14 @@ namespace tabletop_perception {
 /// How a cluster is sampled and described: the same at training and at work, so these options are
 /// stored with every object, and a database trained with others is refused.
 struct DescriptorOptions {
-  double leaf = 0.005;            ///< spacing of the sampled points [m]
-  double normal_radius = 0.015;   ///< neighbourhood of a normal [m]
-  int min_points = 40;            ///< smaller samples are not described
-  double region_angle_deg = 10;   ///< CVFH: largest angle between neighbours of one region [deg]
-  double region_curvature = 0.1;  ///< CVFH: points whose neighbours' normals cancel out more join
-                                  ///< no region; 0 flat, 0.3 a right-angled edge
-  double region_radius = 0.0125;  ///< CVFH: neighbours lie this near [m]
-  int region_min_points = 25;     ///< CVFH: smaller regions are dropped
+  double leaf = 0.005;             ///< spacing of the sampled points [m]
+  double normal_radius = 0.015;    ///< neighbourhood of a normal [m]
+  int min_points = 40;             ///< smaller samples are not described
+  double region_angle_deg = 10;    ///< CVFH: largest angle between neighbours of one region [deg]
+  double region_curvature = 0.05;  ///< CVFH: points whose neighbours' normals cancel out more join
+                                   ///< no region; 0 flat; a sampled right-angled edge has under 0.1
+  double region_radius = 0.0125;   ///< CVFH: neighbours lie this near [m]
+  int region_min_points = 25;      ///< CVFH: smaller regions are dropped
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
