@@ -78,15 +78,21 @@ std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& o
   const auto tolerance = static_cast<float>(options.tolerance);
   UnionFind sets = cloud.organized() ? joinOverGrid(cloud, tolerance * tolerance)
                                      : joinThroughTree(cloud, options.tolerance);
-  std::vector<Indices> by_root(cloud.size());
+  std::vector<int> sizes(cloud.size(), 0);  // by root
   for (std::size_t i = 0; i < cloud.size(); ++i)
-    if (cloud.valid(i)) by_root[sets.root(static_cast<int>(i))].push_back(static_cast<int>(i));
+    if (cloud.valid(i)) ++sizes[sets.root(static_cast<int>(i))];
 
   std::vector<Indices> clusters;
-  for (auto& cluster : by_root) {
-    const auto points = static_cast<int>(cluster.size());
-    if (points >= options.min_points && points <= options.max_points)
-      clusters.push_back(std::move(cluster));
+  std::vector<int> cluster_of(cloud.size(), -1);  // by root
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (sizes[i] == 0 || sizes[i] < options.min_points || sizes[i] > options.max_points) continue;
+    cluster_of[i] = static_cast<int>(clusters.size());
+    clusters.emplace_back().reserve(sizes[i]);
+  }
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (!cloud.valid(i)) continue;
+    const int cluster = cluster_of[sets.root(static_cast<int>(i))];
+    if (cluster >= 0) clusters[cluster].push_back(static_cast<int>(i));
   }
   std::stable_sort(clusters.begin(), clusters.end(),
                    [](const Indices& a, const Indices& b) { return a.size() > b.size(); });

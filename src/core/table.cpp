@@ -8,19 +8,20 @@
 #include <cstdio>
 #include <random>
 
-#include <Eigen/Eigenvalues>
 #include <opencv2/imgproc.hpp>
+
+#include "convex_hull.h"
+#include "plane_fit.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr int SAMPLE_SIZE = 1500;         // points that RANSAC looks at
-constexpr int MAX_ITERATIONS = 1000;      // of RANSAC
-constexpr double CONFIDENCE = 0.999;      // that one of them drew inliers alone
+constexpr int SAMPLE_SIZE = 1000;         // points that RANSAC looks at
 constexpr double PATCH_CELL = 0.02;       // raster in which a patch of table is connected [m]
 constexpr int PATCH_GAP = 2;              // cells without points that a patch may span
 constexpr double MIN_PATCH_SHARE = 0.05;  // of the largest patch: smaller ones are chance
 constexpr int MAX_CELLS = 2000;           // along one side of the raster
+constexpr std::size_t CARRIED_STEP = 7;   // every so manieth point tells whether a table is bare
 
 std::string format(const char* text, ...) __attribute__((format(printf, 1, 2)));
 std::string format(const char* text, ...) {
@@ -32,237 +33,152 @@ std::string format(const char* text, ...) {
   return line;
 }
 
-double distanceFrom(const Eigen::Vector4d& plane, const Eigen::Vector3f& p) {
-  return plane.head<3>().dot(p.cast<double>()) + plane[3];
-}
-
-Indices sampleOf(const Cloud& cloud) {
+/// Points spread evenly over the cloud, in its order.
+Cloud sampleOf(const Cloud& cloud) {
   const Indices valid = validIndices(cloud);
   const std::size_t step = std::max<std::size_t>(1, valid.size() / SAMPLE_SIZE);
   Indices sample;
   for (std::size_t i = step / 2; i < valid.size(); i += step) sample.push_back(valid[i]);
-  return sample;
+  return selectPoints(cloud, sample);
 }
 
-/// The plane through most of the sample; its normal has any sign. With `up`, only planes within the
-/// tilt limit are drawn.
-std::optional<Eigen::Vector4d> ransacPlane(const Cloud& cloud, const Indices& sample,
-                                           const std::optional<Eigen::Vector3d>& up,
-                                           const TableOptions& options, std::mt19937& random) {
-  if (sample.size() < 3) return std::nullopt;
-  const double min_up = std::cos(options.max_tilt_deg * M_PI / 180);
-  const auto draw = [&]() -> Eigen::Vector3d {
-    return cloud.point(sample[random() % sample.size()]).cast<double>();
-  };
-  std::optional<Eigen::Vector4d> best;
-  int most = 0;
-  int needed = MAX_ITERATIONS;
-  for (int iteration = 0; iteration < needed; ++iteration) {
-    const Eigen::Vector3d a = draw(), b = draw(), c = draw();
-    const Eigen::Vector3d cross = (b - a).cross(c - a);
-    if (cross.norm() < 1e-9) continue;
-    const Eigen::Vector3d normal = cross.normalized();
-    if (up && std::abs(normal.dot(*up)) < min_up) continue;
-
-    const Eigen::Vector4d plane(normal.x(), normal.y(), normal.z(), -normal.dot(a));
-    const int inliers = static_cast<int>(std::count_if(sample.begin(), sample.end(), [&](int i) {
-      return std::abs(distanceFrom(plane, cloud.point(i))) <= options.distance;
-    }));
-    if (inliers <= most) continue;
-    most = inliers;
-    best = plane;
-    const double share = static_cast<double>(inliers) / sample.size();
-    const double miss = 1 - share * share * share;
-    if (miss < 1)
-      needed =
-          std::min(needed, static_cast<int>(std::ceil(std::log(1 - CONFIDENCE) / std::log(miss))));
-  }
-  return best;
-}
-
-/// Points no farther than `distance` from a plane.
-Indices inliersOf(const Cloud& cloud, const Eigen::Vector4d& plane, double distance) {
-  const Eigen::Vector4f q = plane.cast<float>();
-  const auto limit = static_cast<float>(distance);
-  Indices inliers(cloud.size());
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const float d = q[0] * cloud.x[i] + q[1] * cloud.y[i] + q[2] * cloud.z[i] + q[3];
-    inliers[count] = static_cast<int>(i);  // kept only if the next line counts it
-    count += std::abs(d) <= limit;         // false for NaN
-  }
-  inliers.resize(count);
-  return inliers;
-}
-
-struct LeastSquares {
-  Eigen::Vector4d plane;
-  double rms;
-};
-
-/// The plane of least squared distances of the points.
-LeastSquares fitPlane(const Cloud& cloud, const Indices& indices) {
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const int i : indices) mean += cloud.point(i).cast<double>();
-  mean /= static_cast<double>(indices.size());
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  for (const int i : indices) {
-    const Eigen::Vector3d d = cloud.point(i).cast<double>() - mean;
-    covariance += d * d.transpose();
-  }
-  covariance /= static_cast<double>(indices.size());
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
-  const Eigen::Vector3d normal = solver.eigenvectors().col(0);
-  return {{normal.x(), normal.y(), normal.z(), -normal.dot(mean)},
-          std::sqrt(std::max(0.0, solver.eigenvalues()[0]))};
-}
-
-/// Two axes that span a plane, the first nearest to `forward`.
-std::array<Eigen::Vector3d, 2> axesInPlane(const Eigen::Vector3d& normal,
-                                           const Eigen::Vector3d& forward) {
-  Eigen::Vector3d x = forward - normal * normal.dot(forward);
-  if (x.norm() < 0.05) x = normal.unitOrthogonal();  // looked at from straight above
-  x.normalize();
-  return {x, normal.cross(x)};
+/// The points farther than `distance` from a plane.
+Cloud withoutPlane(const Cloud& sample, const Eigen::Vector4d& plane, double distance) {
+  Indices rest;
+  for (std::size_t i = 0; i < sample.size(); ++i)
+    if (std::abs(plane.head<3>().dot(sample.point(i).cast<double>()) + plane[3]) > distance)
+      rest.push_back(static_cast<int>(i));
+  return selectPoints(sample, rest);
 }
 
 /// Mean viewing ray of a cloud: forward, whatever the camera's convention.
-Eigen::Vector3d forwardOf(const Cloud& cloud, const Indices& sample) {
+Eigen::Vector3d forwardOf(const Cloud& sample) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const int i : sample) sum += cloud.point(i).cast<double>().normalized();
+  for (std::size_t i = 0; i < sample.size(); ++i)
+    sum += sample.point(i).cast<double>().normalized();
   return sum.norm() > 0 ? Eigen::Vector3d(sum.normalized()) : Eigen::Vector3d::UnitZ();
 }
 
-/// Points of a plane in the plane's own two coordinates.
-std::vector<cv::Point2f> flatten(const Cloud& cloud, const Indices& indices,
-                                 const Eigen::Vector3d& origin,
-                                 const std::array<Eigen::Vector3d, 2>& axes) {
-  std::vector<cv::Point2f> flat;
-  flat.reserve(indices.size());
-  for (const int i : indices) {
-    const Eigen::Vector3d d = cloud.point(i).cast<double>() - origin;
-    flat.emplace_back(static_cast<float>(axes[0].dot(d)), static_cast<float>(axes[1].dot(d)));
-  }
-  return flat;
+/// A frame on a plane: origin at the foot of the sensor's perpendicular, z along the plane's
+/// normal, x nearest to `forward`.
+Eigen::Isometry3d frameOnPlane(const Eigen::Vector4d& plane, const Eigen::Vector3d& forward) {
+  const Eigen::Vector3d z = plane.head<3>();
+  Eigen::Vector3d x = forward - z * z.dot(forward);
+  if (x.norm() < 0.05) x = z.unitOrthogonal();  // looked at from straight above
+  x.normalize();
+  Eigen::Isometry3d T_camera_plane;
+  T_camera_plane.linear() << x, z.cross(x), z;
+  T_camera_plane.translation() = -plane[3] * z;
+  T_camera_plane.makeAffine();
+  return T_camera_plane;
 }
 
-/// Which of the points belong to the connected patches of the table. Objects and their shadows cut
-/// one table into several; a plane also meets, by chance, a few points of other things.
-std::vector<bool> tablePatches(const std::vector<cv::Point2f>& flat) {
-  const cv::Rect2f extent = [&] {
-    cv::Point2f low = flat.front(), high = low;
+/// x and y of points in a frame on a plane.
+class Flattener {
+ public:
+  explicit Flattener(const Eigen::Isometry3d& T_camera_plane)
+      : to_plane_((T_camera_plane.inverse().matrix().topRows<2>()).cast<float>()) {}
+
+  Eigen::Vector2f operator()(const Cloud& cloud, std::size_t i) const {
+    return to_plane_.leftCols<3>() * cloud.point(i) + to_plane_.col(3);
+  }
+
+ private:
+  Eigen::Matrix<float, 2, 4> to_plane_;
+};
+
+/// The connected patches of a table among points of its plane. Objects and their shadows cut one
+/// table into several; a plane also meets, by chance, a few points of other things.
+class TablePatches {
+ public:
+  explicit TablePatches(const std::vector<Eigen::Vector2f>& flat) {
+    low_ = flat.front();
+    Eigen::Vector2f high = low_;
     for (const auto& p : flat) {
-      low = {std::min(low.x, p.x), std::min(low.y, p.y)};
-      high = {std::max(high.x, p.x), std::max(high.y, p.y)};
+      low_ = low_.cwiseMin(p);
+      high = high.cwiseMax(p);
     }
-    return cv::Rect2f(low, high);
-  }();
-  const float cell = std::max<float>(PATCH_CELL, std::max(extent.width, extent.height) / MAX_CELLS);
-  const cv::Size size(static_cast<int>(extent.width / cell) + 1,
-                      static_cast<int>(extent.height / cell) + 1);
-  const auto cellOf = [&](const cv::Point2f& p) {
-    return cv::Point(static_cast<int>((p.x - extent.x) / cell),
-                     static_cast<int>((p.y - extent.y) / cell));
-  };
-  cv::Mat1b occupied = cv::Mat1b::zeros(size);
-  for (const auto& p : flat) occupied(cellOf(p)) = 1;
-  cv::dilate(occupied, occupied, cv::Mat1b::ones(PATCH_GAP + 1, PATCH_GAP + 1));
+    const float cell = std::max<float>(PATCH_CELL, (high - low_).maxCoeff() / MAX_CELLS);
+    cells_per_metre_ = 1 / cell;
+    const cv::Point last = cellOf(high);
+    cv::Mat1b occupied = cv::Mat1b::zeros(last.y + 1, last.x + 1);
+    for (const auto& p : flat) occupied(cellOf(p)) = 1;
+    cv::dilate(occupied, occupied, cv::Mat1b::ones(PATCH_GAP + 1, PATCH_GAP + 1));
 
-  cv::Mat1i patches;
-  std::vector<int> counts(cv::connectedComponents(occupied, patches, 8, CV_32S));
-  for (const auto& p : flat) ++counts[patches(cellOf(p))];
-  const double least = MIN_PATCH_SHARE * *std::max_element(counts.begin(), counts.end());
-  std::vector<bool> inside(flat.size());
-  for (std::size_t i = 0; i < flat.size(); ++i)
-    inside[i] = counts[patches(cellOf(flat[i]))] >= least;
-  return inside;
-}
-
-Eigen::Vector2d centroidOfPolygon(const std::vector<Eigen::Vector2d>& polygon) {
-  double area = 0;
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const auto& a = polygon[i];
-    const auto& b = polygon[(i + 1) % polygon.size()];
-    const double cross = a.x() * b.y() - b.x() * a.y();
-    area += cross;
-    sum += cross * (a + b);
+    std::vector<int> counts(cv::connectedComponents(occupied, patches_, 8, CV_32S));
+    for (const auto& p : flat) ++counts[patches_(cellOf(p))];
+    const double least = MIN_PATCH_SHARE * *std::max_element(counts.begin(), counts.end());
+    for (const int count : counts) kept_.push_back(count >= least);
   }
-  return std::abs(area) > 1e-12 ? Eigen::Vector2d(sum / (3 * area)) : polygon.front();
-}
 
-/// Counter-clockwise convex hull; empty when the points lie on a line.
-std::vector<Eigen::Vector2d> convexHull(const std::vector<cv::Point2f>& points) {
-  std::vector<cv::Point2f> corners;
-  cv::convexHull(points, corners);
-  if (corners.size() < 3) return {};
-  std::vector<Eigen::Vector2d> hull;
-  for (const auto& corner : corners) hull.emplace_back(corner.x, corner.y);
-  double area = 0;
-  for (std::size_t i = 0; i < hull.size(); ++i) {
-    const auto& a = hull[i];
-    const auto& b = hull[(i + 1) % hull.size()];
-    area += a.x() * b.y() - b.x() * a.y();
-  }
-  if (area < 0) std::reverse(hull.begin(), hull.end());
-  return hull;
-}
+  bool contains(const Eigen::Vector2f& p) const { return kept_[patches_(cellOf(p))]; }
 
-/// Signed distance of `p` from the hull's nearest edge line, positive inside; exact inside, and
-/// never more negative than the true distance outside.
-double depthInside(const std::vector<Eigen::Vector2d>& hull, const Eigen::Vector2d& p) {
-  double least = std::numeric_limits<double>::max();
-  for (std::size_t i = 0; i < hull.size(); ++i) {
-    const Eigen::Vector2d& a = hull[i];
-    const Eigen::Vector2d edge = (hull[(i + 1) % hull.size()] - a).normalized();
-    const Eigen::Vector2d d = p - a;
-    least = std::min(least, edge.x() * d.y() - edge.y() * d.x());
+ private:
+  cv::Point cellOf(const Eigen::Vector2f& p) const {
+    return {static_cast<int>((p.x() - low_.x()) * cells_per_metre_),
+            static_cast<int>((p.y() - low_.y()) * cells_per_metre_)};
   }
-  return least;
+
+  Eigen::Vector2f low_;
+  float cells_per_metre_ = 0;
+  cv::Mat1i patches_;
+  std::vector<bool> kept_;
+};
+
+/// The first and the last of the given points in each row of an organised cloud that lie in a
+/// patch; of an unorganised cloud all that do. A row of pixels is a line on the plane, so no other
+/// point can be a corner of the hull.
+std::vector<Eigen::Vector2f> outlineOf(const Cloud& cloud, const Indices& indices,
+                                       const std::vector<Eigen::Vector2f>& flat,
+                                       const TablePatches& patches) {
+  std::vector<Eigen::Vector2f> outline;
+  int row = -1, points_in_row = 0;
+  for (std::size_t k = 0; k < indices.size(); ++k) {
+    if (!patches.contains(flat[k])) continue;
+    const int row_of_point = cloud.organized() ? indices[k] / cloud.width : static_cast<int>(k);
+    points_in_row = row_of_point == row ? points_in_row + 1 : 1;
+    row = row_of_point;
+    if (points_in_row <= 2)
+      outline.push_back(flat[k]);
+    else
+      outline.back() = flat[k];
+  }
+  return outline;
 }
 
 /// The table on a plane that RANSAC drew: refitted to all its points, their patches outlined.
 Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& drawn,
                           const Eigen::Vector3d& forward, const std::optional<Eigen::Vector3d>& up,
                           const TableOptions& options) {
-  Indices inliers = inliersOf(cloud, drawn, options.distance);
-  if (inliers.size() < 3) return Found<Table>::none("a plane of fewer than 3 points");
-  LeastSquares fit = fitPlane(cloud, inliers);
+  auto fit = fitPlaneNear(cloud, drawn, options.distance);
   // Table and the foot of what stands on it share the band of `distance`; within three standard
   // deviations the table is nearly alone.
-  const double band = std::clamp(3 * fit.rms, options.distance / 4, options.distance);
-  for (int round = 0; round < 2; ++round) {
-    inliers = inliersOf(cloud, fit.plane, band);
-    if (inliers.size() < 3) return Found<Table>::none("a plane of fewer than 3 points");
-    fit = fitPlane(cloud, inliers);
-  }
+  const double band =
+      fit ? std::clamp(3 * fit->rms, options.distance / 4, options.distance) : options.distance;
+  for (int round = 0; round < 2 && fit; ++round) fit = fitPlaneNear(cloud, fit->plane, band);
+  if (!fit) return Found<Table>::none("a plane of fewer than 3 points");
   // The free side is where up points or, when up is not known, where the camera is.
-  const double free_side = up ? fit.plane.head<3>().dot(*up) : fit.plane[3];
-  if (free_side < 0) fit.plane = -fit.plane;
-
-  const Eigen::Vector3d normal = fit.plane.head<3>();
-  const Eigen::Vector3d foot = -fit.plane[3] * normal;
-  const auto axes = axesInPlane(normal, forward);
-  inliers = inliersOf(cloud, fit.plane, options.distance);
-  const auto flat = flatten(cloud, inliers, foot, axes);
-  const auto in_patch = tablePatches(flat);
-  std::vector<cv::Point2f> patch;
-  for (std::size_t i = 0; i < flat.size(); ++i)
-    if (in_patch[i]) patch.push_back(flat[i]);
-  auto hull = convexHull(patch);
-  if (hull.empty()) return Found<Table>::none("a plane whose points lie on one line");
+  const double free_side = up ? fit->plane.head<3>().dot(*up) : fit->plane[3];
+  if (free_side < 0) fit->plane = -fit->plane;
 
   Table table;
-  for (std::size_t i = 0; i < flat.size(); ++i)
-    if (in_patch[i] || depthInside(hull, {flat[i].x, flat[i].y}) >= 0)
-      table.inliers.push_back(inliers[i]);
-  const Eigen::Vector2d center = centroidOfPolygon(hull);
-  for (auto& corner : hull) corner -= center;
-  table.plane = fit.plane;
-  table.rms = fit.rms;
-  table.hull = std::move(hull);
-  table.T_camera_table.linear() << axes[0], axes[1], normal;
-  table.T_camera_table.translation() = foot + axes[0] * center.x() + axes[1] * center.y();
+  table.plane = fit->plane;
+  table.rms = fit->rms;
+  table.T_camera_table = frameOnPlane(table.plane, forward);
+  const Flattener flatten(table.T_camera_table);
+  const Indices near = pointsNearPlane(cloud, table.plane, options.distance);
+  std::vector<Eigen::Vector2f> flat;
+  flat.reserve(near.size());
+  for (const int i : near) flat.push_back(flatten(cloud, i));
+  table.hull = convexHullOf(outlineOf(cloud, near, flat, TablePatches(flat)));
+  if (table.hull.empty()) return Found<Table>::none("a plane whose points lie on one line");
+
+  const ConvexRegion region(table.hull, 0);
+  for (std::size_t k = 0; k < near.size(); ++k)
+    if (region.contains(flat[k].x(), flat[k].y())) table.inliers.push_back(near[k]);
+  const Eigen::Vector2d center = centroidOfPolygon(table.hull);
+  for (auto& corner : table.hull) corner -= center;
+  table.T_camera_table.translate(Eigen::Vector3d(center.x(), center.y(), 0));
   return table;
 }
 
@@ -285,14 +201,36 @@ std::string refusal(const Table& table, const std::optional<Eigen::Vector3d>& up
   return "";
 }
 
-Cloud withoutPoints(Cloud cloud, const Indices& indices) {
-  for (const int i : indices) cloud.drop(i);
-  return cloud;
-}
+/// Tells which points stand on a table.
+class StandingTest {
+ public:
+  StandingTest(const Table& table, const TableOptions& options)
+      : plane_(table.plane.cast<float>()),
+        low_(static_cast<float>(options.min_height)),
+        high_(static_cast<float>(options.max_height)),
+        flatten_(table.T_camera_table),
+        region_(table.hull, options.hull_margin) {}
 
-int carriedBy(const Cloud& cloud, const Table& table, const TableOptions& options) {
-  const Cloud carried = pointsOnTable(cloud, table, options);
-  return static_cast<int>(validIndices(carried).size());
+  bool operator()(const Cloud& cloud, std::size_t i) const {
+    const float height =
+        plane_[0] * cloud.x[i] + plane_[1] * cloud.y[i] + plane_[2] * cloud.z[i] + plane_[3];
+    if (!(height >= low_ && height <= high_)) return false;  // NaN too
+    const Eigen::Vector2f p = flatten_(cloud, i);
+    return region_.contains(p.x(), p.y());
+  }
+
+ private:
+  Eigen::Vector4f plane_;
+  float low_, high_;
+  Flattener flatten_;
+  ConvexRegion region_;
+};
+
+bool carriesSomething(const Cloud& cloud, const Table& table, const TableOptions& options) {
+  const StandingTest stands(table, options);
+  std::size_t carried = 0;
+  for (std::size_t i = 0; i < cloud.size(); i += CARRIED_STEP) carried += stands(cloud, i);
+  return carried * CARRIED_STEP >= static_cast<std::size_t>(options.min_carried);
 }
 
 }  // namespace
@@ -307,35 +245,28 @@ std::vector<Eigen::Vector3d> hullInCamera(const Table& table) {
 Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                        const TableOptions& options) {
   checkOptions("table", options);
-  Indices sample = sampleOf(cloud);
+  Cloud sample = sampleOf(cloud);
   if (sample.empty()) return Found<Table>::none("the cloud has no valid point");
-  const Eigen::Vector3d forward = forwardOf(cloud, sample);
+  const Eigen::Vector3d forward = forwardOf(sample);
+  std::optional<PlaneConstraint> level;
+  if (up) level = PlaneConstraint{*up, std::cos(options.max_tilt_deg * M_PI / 180)};
   std::mt19937 random(static_cast<std::uint32_t>(options.seed));
 
   std::string first_refusal;
   std::optional<Table> bare;
-  const Cloud* looked_at = &cloud;
-  Cloud rest;  // what the planes before leave over: no point belongs to two
-  for (int plane = 0; plane < options.max_planes; ++plane) {
-    const auto drawn = ransacPlane(cloud, sample, plane == 0 ? std::nullopt : up, options, random);
+  for (int i = 0; i < options.max_planes; ++i) {
+    // The first plane is drawn without regard to up: if no table is found, it is the reason.
+    const auto drawn = drawPlane(sample, options.distance, i == 0 ? std::nullopt : level, random);
     if (!drawn) break;
-    auto table = tableOnPlane(*looked_at, *drawn, forward, up, options);
+    auto table = tableOnPlane(cloud, *drawn, forward, up, options);
     const std::string why = table ? refusal(*table, up, options) : table.reason;
     if (why.empty()) {
-      if (carriedBy(cloud, *table, options) >= options.min_carried) return table;
+      if (carriesSomething(cloud, *table, options)) return table;
       if (!bare) bare = table.value;
     } else if (first_refusal.empty()) {
       first_refusal = why;
     }
-    rest = withoutPoints(*looked_at, table ? table->inliers : Indices{});
-    looked_at = &rest;
-    const Eigen::Vector4d found = table ? table->plane : *drawn;
-    sample.erase(std::remove_if(sample.begin(), sample.end(),
-                                [&](int i) {
-                                  return std::abs(distanceFrom(found, cloud.point(i))) <=
-                                         1.5 * options.distance;
-                                }),
-                 sample.end());
+    sample = withoutPlane(sample, table ? table->plane : *drawn, 1.5 * options.distance);
   }
   if (bare) {
     Found<Table> found(*bare);
@@ -346,20 +277,11 @@ Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>&
 }
 
 Cloud pointsOnTable(const Cloud& cloud, const Table& table, const TableOptions& options) {
-  const Eigen::Vector4f plane = table.plane.cast<float>();
-  const Eigen::Isometry3d T_table_camera = table.T_camera_table.inverse();
-  const auto overHull = [&](const Eigen::Vector3f& p) {
-    const Eigen::Vector3d q = T_table_camera * p.cast<double>();
-    return depthInside(table.hull, q.head<2>()) >= -options.hull_margin;
-  };
-  Cloud standing = cloud;
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const float height =
-        plane[0] * cloud.x[i] + plane[1] * cloud.y[i] + plane[2] * cloud.z[i] + plane[3];
-    const bool stands =
-        height >= options.min_height && height <= options.max_height && overHull(cloud.point(i));
-    if (!stands) standing.drop(i);
-  }
+  const StandingTest stands(table, options);
+  Cloud standing(cloud.width, cloud.height, false);
+  standing.rgb = cloud.rgb;
+  for (std::size_t i = 0; i < cloud.size(); ++i)
+    if (stands(cloud, i)) standing.setPoint(i, cloud.point(i));
   return standing;
 }
 

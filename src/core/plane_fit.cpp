@@ -1,0 +1,170 @@
+#include "plane_fit.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include <Eigen/Eigenvalues>
+
+#include "simd.h"
+
+namespace tabletop_perception {
+namespace {
+
+constexpr int MAX_DRAWS = 2000;
+constexpr double CONFIDENCE = 0.999;  // that one draw had inliers alone
+constexpr int LANES = 16;             // points that a kernel takes at once
+constexpr std::size_t BLOCK = 4096;   // points summed in single precision before doubles take over
+
+/// Count, sums and products of coordinates: 1, x y z, xx xy xz yy yz zz.
+using Moments = std::array<double, 10>;
+
+/// Adds the moments, about `middle`, of the points within `band` of a plane. `count` is a multiple
+/// of LANES.
+TABLETOP_SIMD_CLONES
+void addMoments(const float* x, const float* y, const float* z, std::size_t count,
+                const float* plane, float band, const float* middle, double* moments) {
+  const float a = plane[0], b = plane[1], c = plane[2], d = plane[3];
+  const float mx = middle[0], my = middle[1], mz = middle[2];
+  float sums[10][LANES] = {};
+  for (std::size_t i = 0; i < count; i += LANES)
+    for (int l = 0; l < LANES; ++l) {
+      const float px = x[i + l], py = y[i + l], pz = z[i + l];
+      const bool near = std::abs(a * px + b * py + c * pz + d) <= band;  // false for NaN
+      const float rx = px - mx, ry = py - my, rz = pz - mz;
+      const float dx = near ? rx : 0.0f, dy = near ? ry : 0.0f, dz = near ? rz : 0.0f;
+      sums[0][l] += near ? 1.0f : 0.0f;
+      sums[1][l] += dx;
+      sums[2][l] += dy;
+      sums[3][l] += dz;
+      sums[4][l] += dx * dx;
+      sums[5][l] += dx * dy;
+      sums[6][l] += dx * dz;
+      sums[7][l] += dy * dy;
+      sums[8][l] += dy * dz;
+      sums[9][l] += dz * dz;
+    }
+  for (int k = 0; k < 10; ++k)
+    for (int l = 0; l < LANES; ++l) moments[k] += static_cast<double>(sums[k][l]);
+}
+
+/// How many points lie within `distance` of a plane. `count` is a multiple of LANES.
+TABLETOP_SIMD_CLONES
+int countNear(const float* x, const float* y, const float* z, std::size_t count, const float* plane,
+              float distance) {
+  const float a = plane[0], b = plane[1], c = plane[2], d = plane[3];
+  int near[LANES] = {};
+  for (std::size_t i = 0; i < count; i += LANES)
+    for (int l = 0; l < LANES; ++l)
+      near[l] += std::abs(a * x[i + l] + b * y[i + l] + c * z[i + l] + d) <= distance ? 1 : 0;
+  int sum = 0;
+  for (const int lane : near) sum += lane;
+  return sum;
+}
+
+/// The points' arrays, lengthened to a multiple of LANES by pixels without a point.
+struct PaddedPoints {
+  std::vector<float> x, y, z;
+
+  PaddedPoints(const Cloud& cloud, std::size_t first) {
+    const std::size_t count = (cloud.size() - first + LANES - 1) / LANES * LANES;
+    const auto copy = [&](const std::vector<float>& from) {
+      std::vector<float> to(from.begin() + static_cast<std::ptrdiff_t>(first), from.end());
+      to.resize(count, std::numeric_limits<float>::quiet_NaN());
+      return to;
+    };
+    x = copy(cloud.x);
+    y = copy(cloud.y);
+    z = copy(cloud.z);
+  }
+};
+
+Moments momentsNear(const Cloud& cloud, const Eigen::Vector4d& near, double band,
+                    const Eigen::Vector3d& middle) {
+  const Eigen::Vector4f plane = near.cast<float>();
+  const Eigen::Vector3f center = middle.cast<float>();
+  Moments moments{};
+  const std::size_t whole = cloud.size() / LANES * LANES;
+  for (std::size_t i = 0; i < whole; i += BLOCK)
+    addMoments(cloud.x.data() + i, cloud.y.data() + i, cloud.z.data() + i,
+               std::min(BLOCK, whole - i), plane.data(), static_cast<float>(band), center.data(),
+               moments.data());
+  const PaddedPoints rest(cloud, whole);
+  addMoments(rest.x.data(), rest.y.data(), rest.z.data(), rest.x.size(), plane.data(),
+             static_cast<float>(band), center.data(), moments.data());
+  return moments;
+}
+
+}  // namespace
+
+std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& near, double band) {
+  // About the plane's point nearest to the sensor: products stay small in single precision.
+  const Eigen::Vector3d middle = (-near[3] * near.head<3>()).cast<float>().cast<double>();
+  const Moments m = momentsNear(cloud, near, band, middle);
+  const double n = m[0];
+  if (n < 3) return std::nullopt;
+  const Eigen::Vector3d mean(m[1] / n, m[2] / n, m[3] / n);
+  Eigen::Matrix3d covariance;
+  covariance << m[4], m[5], m[6], m[5], m[7], m[8], m[6], m[8], m[9];
+  covariance = covariance / n - mean * mean.transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
+  const Eigen::Vector3d normal = solver.eigenvectors().col(0);
+  PlaneFit fit;
+  fit.plane << normal, -normal.dot(mean + middle);
+  fit.rms = std::sqrt(std::max(0.0, solver.eigenvalues()[0]));
+  fit.points = static_cast<std::size_t>(n);
+  return fit;
+}
+
+Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double distance) {
+  const Eigen::Vector4f q = plane.cast<float>();
+  const auto limit = static_cast<float>(distance);
+  Indices near(cloud.size());
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const float d = q[0] * cloud.x[i] + q[1] * cloud.y[i] + q[2] * cloud.z[i] + q[3];
+    near[count] = static_cast<int>(i);  // kept only if the next line counts it
+    count += std::abs(d) <= limit;      // false for NaN
+  }
+  near.resize(count);
+  return near;
+}
+
+std::optional<Eigen::Vector4d> drawPlane(const Cloud& sample, double distance,
+                                         const std::optional<PlaneConstraint>& constraint,
+                                         std::mt19937& random) {
+  if (sample.size() < 3) return std::nullopt;
+  const PaddedPoints points(sample, 0);
+  const auto draw = [&]() -> Eigen::Vector3d {
+    return sample.point(random() % sample.size()).cast<double>();
+  };
+  std::optional<Eigen::Vector4d> best;
+  int most = 0;
+  int needed = MAX_DRAWS;
+  for (int i = 0; i < needed; ++i) {
+    const Eigen::Vector3d a = draw(), b = draw(), c = draw();
+    const Eigen::Vector3d cross = (b - a).cross(c - a);
+    if (cross.norm() < 1e-9) continue;
+    const Eigen::Vector3d normal = cross.normalized();
+    if (constraint && std::abs(normal.dot(constraint->direction)) < constraint->min_cosine)
+      continue;
+
+    Eigen::Vector4d plane;
+    plane << normal, -normal.dot(a);
+    const Eigen::Vector4f q = plane.cast<float>();
+    const int near = countNear(points.x.data(), points.y.data(), points.z.data(), points.x.size(),
+                               q.data(), static_cast<float>(distance));
+    if (near <= most) continue;
+    most = near;
+    best = plane;
+    const double share = static_cast<double>(near) / static_cast<double>(sample.size());
+    const double miss = 1 - share * share * share;
+    if (miss < 1)
+      needed =
+          std::min(needed, static_cast<int>(std::ceil(std::log(1 - CONFIDENCE) / std::log(miss))));
+  }
+  return best;
+}
+
+}  // namespace tabletop_perception

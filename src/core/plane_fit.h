@@ -1,0 +1,38 @@
+#pragma once
+
+#include <optional>
+#include <random>
+
+#include <Eigen/Core>
+
+#include "tabletop_perception/cloud.h"
+
+namespace tabletop_perception {
+
+/// A plane a x + b y + c z + d = 0 with a unit normal of either sign, and how well it fits.
+struct PlaneFit {
+  Eigen::Vector4d plane = Eigen::Vector4d::Zero();
+  double rms = 0;          ///< of the points' distances [m]
+  std::size_t points = 0;  ///< that it was fitted to
+};
+
+/// The plane of least squared distances of all points within `band` [m] of `near`; none for fewer
+/// than three of them.
+std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& near, double band);
+
+/// Points within `distance` [m] of a plane.
+Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double distance);
+
+/// Which planes RANSAC may draw: those whose normal is within an angle of a direction.
+struct PlaneConstraint {
+  Eigen::Vector3d direction;  ///< unit
+  double min_cosine;          ///< of the angle, either sign of the normal
+};
+
+/// The plane within `distance` [m] of most of the points, drawn by RANSAC (Fischler & Bolles 1981);
+/// none when no three points span one.
+std::optional<Eigen::Vector4d> drawPlane(const Cloud& sample, double distance,
+                                         const std::optional<PlaneConstraint>& constraint,
+                                         std::mt19937& random);
+
+}  // namespace tabletop_perception
