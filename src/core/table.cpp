@@ -226,6 +226,11 @@ class StandingTest {
   ConvexRegion region_;
 };
 
+Cloud withoutPoints(Cloud cloud, const Indices& indices) {
+  for (const int i : indices) cloud.drop(i);
+  return cloud;
+}
+
 bool carriesSomething(const Cloud& cloud, const Table& table, const TableOptions& options) {
   const StandingTest stands(table, options);
   std::size_t carried = 0;
@@ -254,11 +259,13 @@ Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>&
 
   std::string first_refusal;
   std::optional<Table> bare;
+  const Cloud* looked_at = &cloud;
+  Cloud rest;  // what the planes before leave over: no point belongs to two
   for (int i = 0; i < options.max_planes; ++i) {
     // The first plane is drawn without regard to up: if no table is found, it is the reason.
     const auto drawn = drawPlane(sample, options.distance, i == 0 ? std::nullopt : level, random);
     if (!drawn) break;
-    auto table = tableOnPlane(cloud, *drawn, forward, up, options);
+    auto table = tableOnPlane(*looked_at, *drawn, forward, up, options);
     const std::string why = table ? refusal(*table, up, options) : table.reason;
     if (why.empty()) {
       if (carriesSomething(cloud, *table, options)) return table;
@@ -266,6 +273,8 @@ Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>&
     } else if (first_refusal.empty()) {
       first_refusal = why;
     }
+    rest = withoutPoints(*looked_at, table ? table->inliers : Indices{});
+    looked_at = &rest;
     sample = withoutPlane(sample, table ? table->plane : *drawn, 1.5 * options.distance);
   }
   if (bare) {
