@@ -273,9 +273,10 @@ Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>&
     } else if (first_refusal.empty()) {
       first_refusal = why;
     }
-    rest = withoutPoints(*looked_at, table ? table->inliers : Indices{});
+    const Eigen::Vector4d& plane = table ? table->plane : *drawn;
+    rest = withoutPoints(*looked_at, pointsNearPlane(*looked_at, plane, options.distance));
     looked_at = &rest;
-    sample = withoutPlane(sample, table ? table->plane : *drawn, 1.5 * options.distance);
+    sample = withoutPlane(sample, plane, 1.5 * options.distance);
   }
   if (bare) {
     Found<Table> found(*bare);
