@@ -12,7 +12,7 @@
 
 namespace tabletop_perception {
 
-/// Told about the share of a training that is done, 0 to 1.
+/// Told on the caller's thread about the share of a training that is done, 0 to 1; may be empty.
 using Progress = std::function<void(double done)>;
 
 /// A cloud of an object and where it was taken from.
@@ -23,14 +23,16 @@ struct TrainingView {
 
 /// An object from its mesh: rendered as a Kinect would see it from the directions of a subdivided
 /// icosphere (80 views) at 0.7 m, or farther where it is large. The model's surface is what the
-/// views saw, so nothing inside a shape is in it; colours are those of the nearest vertices; the
-/// symmetry is detected. Throws std::invalid_argument for a bad name and as checkObjectMesh.
+/// views saw, so nothing inside a shape is in it; views too small to describe are left out; the
+/// symmetry is detected. Throws std::invalid_argument for a bad name, bad options, as
+/// checkObjectMesh, and when no view can be described.
 ObjectModel trainFromMesh(const std::string& name, const Mesh& mesh,
                           const DescriptorOptions& options, const Progress& progress);
 
-/// An object from views of it; its surface is all that they saw. A symmetry is looked for only if
-/// they show it from all around. Throws std::invalid_argument for a bad name, bad options, no view,
-/// a view without points, or one too small to describe.
+/// An object from views of it; its surface is all that they saw, views too small to describe are
+/// left out. A symmetry is looked for only if they show it from all around. Throws
+/// std::invalid_argument for a bad name, bad options, no view, a view without points, and when no
+/// view can be described.
 ObjectModel trainFromViews(const std::string& name, const std::vector<TrainingView>& views,
                            const DescriptorOptions& options, const Progress& progress);
 

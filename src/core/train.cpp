@@ -1,8 +1,11 @@
 #include "tabletop_perception/train.h"
 
 #include <algorithm>
+#include <atomic>
+#include <future>
 #include <stdexcept>
 
+#include "tabletop_perception/geometry.h"
 #include "tabletop_perception/kd_tree.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/symmetry.h"
@@ -12,49 +15,31 @@ namespace {
 
 constexpr double MODEL_LEAF = 0.003;           // spacing of the whole model's points [m]
 constexpr double MODEL_NORMAL_RADIUS = 0.008;  // neighbourhood of its normals [m]
-constexpr double VIEW_DISTANCE = 0.7;          // of the camera from a small object [m]
-constexpr double MIN_DISTANCE_RATIO = 1.5;     // of the camera to the diameter of a large one
+constexpr float MIN_FACING = 0.35f;         // cosine to the line of sight; normals of surfaces that
+                                            // are seen nearly edge-on may point inwards
+constexpr double VIEW_DISTANCE = 0.7;       // of the camera from a small object [m]
+constexpr double MIN_DISTANCE_RATIO = 1.5;  // of the camera to the diameter of a large one
+constexpr double MAX_OPENING = 0.25;        // of a surface seen all around; see isSeenAllAround
 
 /// The camera that meshes are rendered for: that of a Kinect.
-Projection kinectProjection() {
-  Projection projection;
-  projection.fx = projection.fy = 525;
-  projection.cx = 319.5;
-  projection.cy = 239.5;
-  projection.width = 640;
-  projection.height = 480;
-  return projection;
-}
+constexpr Projection KINECT{525, 525, 319.5, 239.5, 640, 480, 1};
 
-std::vector<Eigen::Vector3f> pointsOf(const Cloud& cloud) {
-  std::vector<Eigen::Vector3f> points;
-  for (const int i : validIndices(cloud)) points.push_back(cloud.point(i));
-  return points;
-}
-
-void append(Surface& surface, const Surface& more) {
-  surface.points.insert(surface.points.end(), more.points.begin(), more.points.end());
-  surface.normals.insert(surface.normals.end(), more.normals.begin(), more.normals.end());
-}
-
-View describeView(const std::vector<Eigen::Vector3f>& points,
-                  const Eigen::Isometry3d& T_view_object, const DescriptorOptions& options) {
+/// A view, and what it adds to the model.
+struct Seen {
   View view;
-  view.T_view_object = T_view_object;
-  view.surface =
-      sampleSurface(points, options.leaf, options.normal_radius, Eigen::Vector3f::Zero());
-  view.descriptors = describeSurface(view.surface, Eigen::Vector3f::Zero(), options);
-  return view;
-}
+  Surface surface;                    // in the object's frame, MODEL_LEAF apart [m]
+  std::vector<std::uint32_t> colors;  // one per point of `surface`; none without colours
+};
 
-/// Adds what a view shows: to the views if it can be described, to the whole surface in any case.
-void addView(ObjectModel& model, const std::vector<Eigen::Vector3f>& points,
-             const Eigen::Isometry3d& T_view_object) {
-  const Surface fine =
-      sampleSurface(points, MODEL_LEAF, MODEL_NORMAL_RADIUS, Eigen::Vector3f::Zero());
-  append(model.surface, transformed(fine, T_view_object.inverse()));
-  View view = describeView(points, T_view_object, model.options);
-  if (!view.descriptors.empty()) model.views.push_back(std::move(view));
+/// What of a surface in the camera's frame faces the camera.
+Surface facing(const Surface& surface) {
+  Surface kept;
+  for (std::size_t i = 0; i < surface.size(); ++i) {
+    if (-surface.normals[i].dot(surface.points[i].normalized()) < MIN_FACING) continue;
+    kept.points.push_back(surface.points[i]);
+    kept.normals.push_back(surface.normals[i]);
+  }
+  return kept;
 }
 
 /// The colour of the nearest of `points` for each point of a surface; none without colours.
@@ -68,86 +53,130 @@ std::vector<std::uint32_t> nearestColors(const Surface& surface,
   return nearest;
 }
 
-Eigen::Vector3d middleOf(const std::vector<Eigen::Vector3f>& points) {
-  Eigen::Vector3f low = points.front(), high = low;
-  for (const auto& p : points) {
-    low = low.cwiseMin(p);
-    high = high.cwiseMax(p);
+Seen look(const Cloud& cloud, const Eigen::Isometry3d& T_view_object,
+          const DescriptorOptions& options) {
+  const Eigen::Vector3f sensor = Eigen::Vector3f::Zero();
+  std::vector<Eigen::Vector3f> points;
+  std::vector<std::uint32_t> colors;
+  for (const int i : validIndices(cloud)) {
+    points.push_back(cloud.point(i));
+    if (cloud.colored()) colors.push_back(cloud.rgb[i]);
   }
-  return ((low + high) / 2).cast<double>();
+  Seen seen;
+  seen.view.T_view_object = T_view_object;
+  if (points.empty()) return seen;
+  seen.view.surface = sampleSurface(points, options.leaf, options.normal_radius, sensor);
+  seen.view.descriptors = describeSurface(seen.view.surface, sensor, options);
+  const Surface fine = facing(sampleSurface(points, MODEL_LEAF, MODEL_NORMAL_RADIUS, sensor));
+  seen.colors = nearestColors(fine, points, colors);
+  seen.surface = transformed(fine, T_view_object.inverse());
+  return seen;
 }
 
-void requireViews(const ObjectModel& model) {
+/// Puts what was seen into the model: all of it into the surface, what can be described into the
+/// views.
+void assemble(std::vector<Seen> seen, ObjectModel& model) {
+  Surface all;
+  std::vector<std::uint32_t> colors;
+  for (Seen& one : seen) {
+    all.points.insert(all.points.end(), one.surface.points.begin(), one.surface.points.end());
+    all.normals.insert(all.normals.end(), one.surface.normals.begin(), one.surface.normals.end());
+    colors.insert(colors.end(), one.colors.begin(), one.colors.end());
+    if (!one.view.descriptors.empty()) model.views.push_back(std::move(one.view));
+  }
   if (model.views.empty())
-    throw std::invalid_argument("object '" + model.name + "': no view shows more than " +
+    throw std::invalid_argument("object '" + model.name + "': no view shows " +
                                 std::to_string(model.options.min_points) +
                                 " sampled points; move the camera nearer or lower "
                                 "descriptor.leaf");
+  if (all.empty())
+    throw std::invalid_argument("object '" + model.name + "': no view faces a surface");
+  model.surface = downsampled(all, MODEL_LEAF);
+  if (colors.size() == all.size()) model.colors = nearestColors(model.surface, all.points, colors);
+}
+
+/// Where to render a mesh from.
+std::vector<Eigen::Isometry3d> posesAround(const Mesh& mesh, double diameter) {
+  Eigen::AlignedBox3f box;
+  for (const auto& v : mesh.vertices) box.extend(v);
+  const Eigen::Vector3d middle = box.center().cast<double>();
+  const double distance = std::max(VIEW_DISTANCE, MIN_DISTANCE_RATIO * diameter);
+  std::vector<Eigen::Isometry3d> poses;
+  for (const auto& direction : icosphereDirections()) {
+    Eigen::Isometry3d T_view_object = Eigen::Isometry3d::Identity();
+    T_view_object.linear() = rotationBetween(-direction, Eigen::Vector3d::UnitZ());
+    T_view_object.translation() =
+        distance * Eigen::Vector3d::UnitZ() - T_view_object.linear() * middle;
+    poses.push_back(T_view_object);
+  }
+  return poses;
+}
+
+/// Renders and describes all views on two threads, of which the caller's reports progress.
+std::vector<Seen> lookFromAll(const Mesh& mesh, const std::vector<Eigen::Isometry3d>& poses,
+                              const DescriptorOptions& options, const Progress& progress) {
+  const MeshRenderer renderer(mesh);
+  std::vector<Seen> seen(poses.size());
+  std::atomic<std::size_t> next{0}, done{0};
+  const auto work = [&](const Progress& report) {
+    for (std::size_t i; (i = next++) < poses.size();) {
+      seen[i] = look(renderer.render(poses[i], KINECT), poses[i], options);
+      ++done;
+      if (report) report(static_cast<double>(done) / static_cast<double>(poses.size()));
+    }
+  };
+  auto other = std::async(std::launch::async, work, Progress());
+  work(progress);
+  other.get();
+  return seen;
+}
+
+/// Whether a surface has a counterpart to nearly every side: its normals cancel out, as over every
+/// closed surface. A part has symmetries that the whole has not.
+bool isSeenAllAround(const Surface& surface) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const auto& normal : surface.normals) sum += normal.cast<double>();
+  return sum.norm() <= MAX_OPENING * static_cast<double>(surface.size());
+}
+
+ObjectModel begun(const std::string& name, const DescriptorOptions& options) {
+  checkObjectName(name);
+  checkOptions("descriptor", options);
+  ObjectModel model;
+  model.name = name;
+  model.options = options;
+  return model;
 }
 
 }  // namespace
 
 ObjectModel trainFromMesh(const std::string& name, const Mesh& mesh,
                           const DescriptorOptions& options, const Progress& progress) {
-  checkObjectName(name);
+  ObjectModel model = begun(name, options);
   checkObjectMesh(mesh);
-  ObjectModel model;
-  model.name = name;
-  model.options = options;
-  model.diameter = diameterOf(mesh.vertices);
-
-  const MeshRenderer renderer(mesh);
-  const Projection projection = kinectProjection();
-  const Eigen::Vector3d middle = middleOf(mesh.vertices);
-  const double distance = std::max(VIEW_DISTANCE, MIN_DISTANCE_RATIO * model.diameter);
-  const auto directions = icosphereDirections();
-  for (std::size_t i = 0; i < directions.size(); ++i) {
-    Eigen::Isometry3d T_view_object = Eigen::Isometry3d::Identity();
-    T_view_object.linear() = rotationBetween(-directions[i], Eigen::Vector3d::UnitZ());
-    T_view_object.translation() =
-        distance * Eigen::Vector3d::UnitZ() - T_view_object.linear() * middle;
-    addView(model, pointsOf(renderer.render(T_view_object, projection)), T_view_object);
-    if (progress) progress(static_cast<double>(i + 1) / static_cast<double>(directions.size()));
-  }
-  requireViews(model);
-  model.surface = downsampled(model.surface, MODEL_LEAF);
-  model.colors = nearestColors(model.surface, mesh.vertices, mesh.colors);
-  model.symmetry = detectSymmetry(model.surface);
   model.origin = "mesh of " + std::to_string(mesh.faces.size()) + " faces";
+  model.diameter = diameterOf(mesh.vertices);
+  assemble(lookFromAll(mesh, posesAround(mesh, model.diameter), options, progress), model);
+  model.symmetry = detectSymmetry(model.surface);
   return model;
 }
 
 ObjectModel trainFromViews(const std::string& name, const std::vector<TrainingView>& views,
                            const DescriptorOptions& options, const Progress& progress) {
-  checkObjectName(name);
+  ObjectModel model = begun(name, options);
   if (views.empty()) throw std::invalid_argument("object '" + name + "': no view to train from");
-  ObjectModel model;
-  model.name = name;
-  model.options = options;
-  std::vector<Eigen::Vector3f> all_points;  // in the object's frame
-  std::vector<std::uint32_t> all_colors;
-  const bool colored = std::all_of(views.begin(), views.end(),
-                                   [](const TrainingView& view) { return view.cloud.colored(); });
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    const Cloud& cloud = views[i].cloud;
-    const Indices valid = validIndices(cloud);
-    if (valid.empty())
-      throw std::invalid_argument("object '" + name + "': view " + std::to_string(i + 1) + " of " +
-                                  std::to_string(views.size()) + " has no points");
-    addView(model, pointsOf(cloud), views[i].T_view_object);
-    const Eigen::Isometry3f T_object_view = views[i].T_view_object.inverse().cast<float>();
-    for (const int p : valid) {
-      all_points.push_back(T_object_view * cloud.point(p));
-      if (colored) all_colors.push_back(cloud.rgb[p]);
-    }
-    if (progress) progress(static_cast<double>(i + 1) / static_cast<double>(views.size()));
-  }
-  requireViews(model);
-  model.surface = downsampled(model.surface, MODEL_LEAF);
-  model.diameter = diameterOf(model.surface.points);
-  model.colors = nearestColors(model.surface, all_points, all_colors);
-  // A few views show a part of the surface, and a part has symmetries that the whole has not.
   model.origin = std::to_string(views.size()) + (views.size() == 1 ? " view" : " views");
+  std::vector<Seen> seen;
+  for (const TrainingView& view : views) {
+    seen.push_back(look(view.cloud, view.T_view_object, options));
+    if (seen.back().view.surface.empty())
+      throw std::invalid_argument("object '" + name + "': view " + std::to_string(seen.size()) +
+                                  " of " + std::to_string(views.size()) + " has no points");
+    if (progress) progress(static_cast<double>(seen.size()) / static_cast<double>(views.size()));
+  }
+  assemble(std::move(seen), model);
+  model.diameter = diameterOf(model.surface.points);
+  if (isSeenAllAround(model.surface)) model.symmetry = detectSymmetry(model.surface);
   return model;
 }
 
