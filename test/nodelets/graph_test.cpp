@@ -128,7 +128,8 @@ TEST_F(Graph, messageTfAndServiceAgree) {
   ASSERT_EQ(reply.objects.size(), 3u);
 
   const auto stamp = reply.objects[0].header.stamp;
-  ASSERT_TRUE(objects_.has(stamp)) << "the service answered from a frame that was published";
+  ASSERT_TRUE(spinUntil([&] { return objects_.has(stamp); }))
+      << "the service answered from a frame that was published";
   for (const auto& object : reply.objects) {
     SCOPED_TRACE(object.name);
     const auto* published = find(*objects_.at(stamp), object.name);
