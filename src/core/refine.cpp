@@ -15,7 +15,7 @@ namespace {
 constexpr float MIN_NORMAL_DOT = 0.5f;
 constexpr double SHRINK = 0.8;  // of the correspondence distance per iteration
 constexpr double DAMPING =
-    1e-4;  // of the normal equations' mean diagonal: free directions stay put
+    1e-2;  // of the normal equations' mean diagonal: free directions stay put
 constexpr int MIN_POINTS = 6;
 
 struct Correspondence {
@@ -134,7 +134,9 @@ Found<Alignment> refinePose(const Surface& cluster, const Surface& model, const 
   }
 
   const auto all = correspondences(cluster, model, grid, T_object_camera, options.max_distance, 1);
-  alignment.overlap = static_cast<double>(all.size()) / std::max<std::size_t>(1, cluster.size());
+  const auto finite = std::count_if(cluster.points.begin(), cluster.points.end(),
+                                    [](const auto& p) { return p.allFinite(); });
+  alignment.overlap = static_cast<double>(all.size()) / std::max<double>(1, finite);
   if (static_cast<int>(all.size()) < MIN_POINTS || alignment.overlap < options.min_overlap) {
     char reason[160];
     std::snprintf(reason, sizeof reason,
