@@ -129,7 +129,7 @@ inline GetObjectPose::Response getObjectPose(const std::string& service,
     spinUntil([&] { return done.load(); }, 0.5);
   }
   client.join();
-  spinUntil([] { return false; }, 1);  // frames that are still on their way
+  if (camera) spinUntil([] { return false; }, 1);  // frames that are still on their way
   return call.response;
 }
 
