@@ -11,7 +11,10 @@
 namespace tabletop_perception {
 
 struct NormalsOptions {
-  int window = 7;              ///< organised: side of the square window of neighbours [pixels, odd]
+  int window = 7;              ///< organised: side of the square window of neighbours, in steps
+                               ///< (odd)
+  int step = 1;                ///< organised: every step-th pixel has a normal, from as sparse a
+                               ///< window; the others have none [pixels]
   double depth_change = 0.02;  ///< organised: neighbours that differ more in range do not count;
                                ///< share of the range
   int neighbors = 20;          ///< unorganised: nearest neighbours looked at
@@ -19,6 +22,7 @@ struct NormalsOptions {
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
     visit("window", window, Range{3, 31});
+    visit("step", step, Range{1, 8});
     visit("depth_change", depth_change, Range{0.001, 0.5});
     visit("neighbors", neighbors, Range{3, 200});
   }

@@ -7,6 +7,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "grid_normals.h"
 #include "tabletop_perception/kd_tree.h"
 #include "voxel_key.h"
 
@@ -53,21 +54,6 @@ Eigen::Vector3f turnedTowards(const Eigen::Vector3f& normal, const Eigen::Vector
   return normal.dot(viewpoint - point) < 0 ? Eigen::Vector3f(-normal) : normal;
 }
 
-Moments windowMoments(const Cloud& cloud, int index, float max_change, int half) {
-  const int column = index % cloud.width, row = index / cloud.width;
-  const Eigen::Vector3f middle = cloud.point(index);
-  const float range = middle.norm();
-  Moments moments;
-  for (int v = std::max(0, row - half); v <= std::min(cloud.height - 1, row + half); ++v)
-    for (int u = std::max(0, column - half); u <= std::min(cloud.width - 1, column + half); ++u) {
-      const int i = v * cloud.width + u;
-      if (!cloud.valid(i)) continue;
-      const Eigen::Vector3f p = cloud.point(i);
-      if (std::abs(p.norm() - range) <= max_change * range) moments.add(p - middle);
-    }
-  return moments;
-}
-
 Moments nearestMoments(const KdTree& tree, const Eigen::Vector3f& p, int k,
                        std::vector<KdTree::Neighbor>& nearest) {
   tree.nearest(p, k, nearest);
@@ -88,24 +74,19 @@ std::vector<Eigen::Vector3f> voxelMeans(const std::vector<Eigen::Vector3f>& poin
 Normals computeNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
                        const NormalsOptions& options) {
   checkOptions("normals", options);
+  if (cloud.organized()) return computeGridNormals(cloud, viewpoint, options);
+
   const std::vector<float> none(cloud.size(), std::numeric_limits<float>::quiet_NaN());
   Normals normals{none, none, none, none};
   const Indices valid = validIndices(cloud);
-
-  std::optional<KdTree> tree;
+  std::vector<Eigen::Vector3f> points;
+  points.reserve(valid.size());
+  for (const int i : valid) points.push_back(cloud.point(i));
+  const KdTree tree(std::move(points));
   std::vector<KdTree::Neighbor> nearest;
-  if (!cloud.organized()) {
-    std::vector<Eigen::Vector3f> points;
-    points.reserve(valid.size());
-    for (const int i : valid) points.push_back(cloud.point(i));
-    tree.emplace(std::move(points));
-  }
   for (const int i : valid) {
     const Eigen::Vector3f p = cloud.point(i);
-    const auto fit =
-        fitPlane(tree ? nearestMoments(*tree, p, options.neighbors, nearest)
-                      : windowMoments(cloud, i, static_cast<float>(options.depth_change),
-                                      options.window / 2));
+    const auto fit = fitPlane(nearestMoments(tree, p, options.neighbors, nearest));
     if (!fit) continue;
     const Eigen::Vector3f normal = turnedTowards(fit->normal, p, viewpoint);
     normals.x[i] = normal.x();

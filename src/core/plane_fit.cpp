@@ -32,9 +32,9 @@ void addMoments(const float* x, const float* y, const float* z, std::size_t coun
     for (int l = 0; l < LANES; ++l) {
       const float px = x[i + l], py = y[i + l], pz = z[i + l];
       const bool near = std::abs(a * px + b * py + c * pz + d) <= band;  // false for NaN
-      const float rx = px - mx, ry = py - my, rz = pz - mz;
-      const float dx = near ? rx : 0.0f, dy = near ? ry : 0.0f, dz = near ? rz : 0.0f;
-      sums[0][l] += near ? 1.0f : 0.0f;
+      const float dx = zeroUnless(near, px - mx), dy = zeroUnless(near, py - my),
+                  dz = zeroUnless(near, pz - mz);
+      sums[0][l] += zeroUnless(near, 1.0f);
       sums[1][l] += dx;
       sums[2][l] += dy;
       sums[3][l] += dz;

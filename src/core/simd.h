@@ -1,5 +1,22 @@
 #pragma once
 
+#include <cstdint>
+#include <cstring>
+
+namespace tabletop_perception {
+
+/// `value`, or 0 where the condition does not hold, NaN or not. By bits: a choice between two
+/// values is turned into a jump before loops are vectorised.
+inline float zeroUnless(bool condition, float value) {
+  std::uint32_t bits;
+  std::memcpy(&bits, &value, sizeof bits);
+  bits &= -static_cast<std::uint32_t>(condition);
+  std::memcpy(&value, &bits, sizeof bits);
+  return value;
+}
+
+}  // namespace tabletop_perception
+
 /// Marks a kernel over planar float arrays that is worth a copy for wide registers: the loader
 /// takes the copy that the machine can run, so what ships needs no -march. Sanitizers cannot follow
 /// the choice, other processors have no such copies; both run the plain code.
