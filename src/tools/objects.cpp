@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -14,6 +13,7 @@
 
 #include "commands.h"
 #include "result_json.h"
+#include "symmetry_text.h"
 #include "tabletop_perception/database.h"
 #include "tabletop_perception/object_folder.h"
 
@@ -24,9 +24,6 @@ namespace {
 
 using nlohmann::ordered_json;
 using Mode = ObjectDatabase::Mode;
-
-constexpr double DEG = 180 / M_PI;
-constexpr double AXIS_TOLERANCE = 0.01;  ///< an axis this near to x, y or z is called so
 
 struct ObjectsArguments {
   std::string database;
@@ -56,35 +53,6 @@ std::string text(const char* format, double a, double b = 0, double c = 0) {
   char buffer[128];
   std::snprintf(buffer, sizeof buffer, format, a, b, c);
   return buffer;
-}
-
-std::string axisWords(const Eigen::Vector3d& axis) {
-  for (int i = 0; i < 3; ++i)
-    if (std::abs(axis[i]) > 1 - AXIS_TOLERANCE) return std::string(1, "xyz"[i]);
-  return text("(%.2f %.2f %.2f)", axis.x(), axis.y(), axis.z());
-}
-
-std::string rotationWords(const std::vector<Eigen::Matrix3d>& rotations) {
-  constexpr std::size_t MAX_SPELLED_OUT = 3;
-  if (rotations.size() > MAX_SPELLED_OUT) return std::to_string(rotations.size()) + " rotations";
-  std::string words;
-  for (const auto& rotation : rotations) {
-    const Eigen::AngleAxisd turn(rotation);
-    if (!words.empty()) words += ", ";
-    words += text("%.0f deg about ", turn.angle() * DEG) + axisWords(turn.axis());
-  }
-  return words;
-}
-
-std::string symmetryWords(const Symmetry& symmetry) {
-  std::string words;
-  if (symmetry.continuous()) {
-    words = "any turn about " + axisWords(symmetry.axis);
-    if (!symmetry.rotations.empty()) words += ", either end up";
-  } else {
-    words = symmetry.rotations.empty() ? "none" : rotationWords(symmetry.rotations);
-  }
-  return symmetry.declared ? words + " (declared)" : words;
 }
 
 std::string descriptorWords(const ObjectModel& model) {
