@@ -10,6 +10,9 @@
 
 namespace tabletop_perception {
 
+/// What a node holds, in one line for messages.
+std::string inOneLine(const YAML::Node& yaml);
+
 /// Throws std::invalid_argument when a key of `yaml` is not among `known`; the message lists them.
 void checkYamlKeys(const std::string& section, const YAML::Node& yaml,
                    const std::vector<std::string>& known);
@@ -25,7 +28,7 @@ void readYaml(const std::string& section, const YAML::Node& yaml, Options& optio
     try {
       field = yaml[name].template as<std::decay_t<decltype(field)>>();
     } catch (const YAML::Exception&) {
-      throw std::invalid_argument(section + "." + name + " cannot be '" + YAML::Dump(yaml[name]) +
+      throw std::invalid_argument(section + "." + name + " cannot be '" + inOneLine(yaml[name]) +
                                   "': wrong type");
     }
   });

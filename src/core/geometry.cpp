@@ -107,7 +107,8 @@ Eigen::Matrix3d uprightAxes(const std::vector<Eigen::Vector3f>& points, const Ei
   }
   Eigen::Matrix3d axes = principalAxes(flat);
   axes.col(2) = up;
-  axes.col(0) = (axes.col(0) - up * up.dot(axes.col(0))).normalized();
+  const Eigen::Vector3d across = axes.col(0) - up * up.dot(axes.col(0));
+  axes.col(0) = across.norm() > 1e-6 ? Eigen::Vector3d(across.normalized()) : up.unitOrthogonal();
   axes.col(1) = axes.col(2).cross(axes.col(0));
   return axes;
 }

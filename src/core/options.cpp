@@ -25,14 +25,20 @@ void checkOption(const std::string& name, const std::string& value, const Choice
                                 value + "'");
 }
 
+std::string inOneLine(const YAML::Node& yaml) {
+  std::string line = YAML::Dump(yaml);
+  std::replace(line.begin(), line.end(), '\n', ' ');
+  return line;
+}
+
 void checkYamlKeys(const std::string& section, const YAML::Node& yaml,
                    const std::vector<std::string>& known) {
   if (!yaml || yaml.IsNull()) return;
   if (!yaml.IsMap())
-    throw std::invalid_argument(section + " must hold options by name, got '" + YAML::Dump(yaml) +
+    throw std::invalid_argument(section + " must hold options by name, got '" + inOneLine(yaml) +
                                 "'");
   for (const auto& entry : yaml) {
-    const auto key = entry.first.as<std::string>();
+    const auto key = entry.first.IsScalar() ? entry.first.Scalar() : inOneLine(entry.first);
     if (!contains(known, key))
       throw std::invalid_argument("no such option: " + section + "." + key + "; there are " +
                                   joined(known));
