@@ -12,7 +12,7 @@ namespace tabletop_perception {
 /// Crops keep an organised cloud organised; outlier removal too; a voxel grid does not.
 struct FilterOptions {
   double min_range = 0.1;  ///< nearer points are dropped; distance from the sensor [m]
-  double max_range = 2.5;  ///< farther points are dropped [m]
+  double max_range = 2.0;  ///< farther points are dropped [m]
 
   std::string crop_axis = "none";  ///< pass-through along "x", "y" or "z" of the cloud's frame
   double crop_min = -2.5;          ///< [m]
