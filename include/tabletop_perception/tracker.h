@@ -35,7 +35,7 @@ class Tracker {
   explicit Tracker(const TrackerOptions& options = {}) : options_(options) {}
 
   /// The ids of a frame's sightings, in their order. `stamp`: time of the frame [s]; when it lies
-  /// before the last one (a bag begins anew), what was seen later is forgotten.
+  /// before the last one (a bag begins anew), what is remembered counts as seen just now.
   std::vector<std::uint32_t> update(double stamp, const std::vector<Sighting>& sightings);
 
  private:

@@ -13,9 +13,8 @@ struct Pair {
 }  // namespace
 
 std::vector<std::uint32_t> Tracker::update(double stamp, const std::vector<Sighting>& sightings) {
-  const auto forgotten = [&](const Track& track) {
-    return stamp < track.stamp || stamp - track.stamp > options_.memory;
-  };
+  for (auto& track : tracks_) track.stamp = std::min(track.stamp, stamp);
+  const auto forgotten = [&](const Track& track) { return stamp - track.stamp > options_.memory; };
   tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(), forgotten), tracks_.end());
 
   std::vector<Pair> pairs;
