@@ -1,0 +1,244 @@
+#include "tabletop_perception/match.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "clouds.h"
+#include "trained_model.h"
+#include "views.h"
+
+using namespace tabletop_perception;
+
+namespace {
+
+constexpr double DEG = M_PI / 180;
+
+std::vector<float> randomHistogram(std::mt19937& random) {
+  std::uniform_real_distribution<float> value(0, 1);
+  std::vector<float> values(VFH_SIZE);
+  for (float& v : values) v = std::max(0.0f, value(random) - 0.3f);
+  return values;
+}
+
+/// Two objects with 30 views each, described at random.
+std::vector<ObjectModel> randomModels() {
+  std::mt19937 random(1);
+  std::vector<ObjectModel> models;
+  for (const std::string name : {"a", "b"}) {
+    ObjectModel model = trainedModel();
+    model.name = name;
+    model.views.assign(30, model.views[0]);
+    for (auto& view : model.views) {
+      view.descriptors.clear();
+      for (const std::string kind : {"vfh", "cvfh"})
+        view.descriptors.push_back(
+            {kind, randomHistogram(random), Eigen::Vector3f(0, 0.1f, random() % 10 + 1.0f)});
+    }
+    models.push_back(std::move(model));
+  }
+  return models;
+}
+
+const std::vector<std::pair<std::string, Mesh>>& shapes() {
+  static const std::vector<std::pair<std::string, Mesh>> all{
+      {"bracket", scene::bracket()}, {"house", scene::house()}, {"steps", scene::steppedBlock()}};
+  return all;
+}
+
+const ModelIndex& trainedIndex() {
+  static const ModelIndex index = [] {
+    std::vector<ObjectModel> models;
+    for (const auto& [name, mesh] : shapes())
+      models.push_back(views::modelOf(name, mesh, icosphereDirections()));
+    return ModelIndex(std::move(models));
+  }();
+  return index;
+}
+
+Surface houseFromTheSide() {
+  const Mesh mesh = scene::house();
+  return views::seen(mesh, views::lookAt(mesh, {1, 0.7, 0.8}, 0.9));
+}
+
+std::string reasonOf(const Found<std::vector<Candidate>>& found) {
+  EXPECT_FALSE(found);
+  return found.reason;
+}
+
+}  // namespace
+
+TEST(Match, DistancesByHand) {
+  const float a[] = {1, 0, 4, 0}, b[] = {3, 0, 1, 2};
+  EXPECT_DOUBLE_EQ(histogramDistance(a, b, 4, "l1"), 2 + 0 + 3 + 2);
+  EXPECT_DOUBLE_EQ(histogramDistance(a, b, 4, "l2"), std::sqrt(4.0 + 9 + 4));
+  EXPECT_NEAR(histogramDistance(a, b, 4, "chi_square"), 4 / 4.0 + 9 / 5.0 + 4 / 2.0, 1e-6);
+  for (const std::string metric : {"l1", "l2", "chi_square"}) {
+    EXPECT_EQ(histogramDistance(a, a, 4, metric), 0);
+    EXPECT_EQ(histogramDistance(a, b, 4, metric), histogramDistance(b, a, 4, metric));
+  }
+  EXPECT_EQ(clouds::refusalOf([&] { histogramDistance(a, b, 4, "cosine"); }),
+            "match.metric must be one of l1, l2, chi_square, got 'cosine'");
+}
+
+TEST(Match, NearestViewsAreThoseOfTheBruteForceVersion) {
+  const auto models = randomModels();
+  const ModelIndex index(models);
+  std::mt19937 random(2);
+  for (const std::string metric : {"l1", "l2", "chi_square"})
+    for (const std::string kind : {"vfh", "cvfh"}) {
+      const Descriptor query{kind, randomHistogram(random), {0.1f, 0.2f, 0.9f}};
+      MatchOptions options;
+      options.metric = metric;
+      options.neighbors = 7;
+      options.max_distance = 1e6;
+      std::vector<double> truth;
+      const auto distanceTo = [&](const Descriptor& other) {
+        return histogramDistance(query.values.data(), other.values.data(), VFH_SIZE, metric);
+      };
+      for (const auto& model : models)
+        for (const auto& view : model.views)
+          for (const auto& descriptor : view.descriptors)
+            if (descriptor.kind == kind) truth.push_back(distanceTo(descriptor));
+      std::sort(truth.begin(), truth.end());
+
+      const auto neighbors = nearestViews(query, index, options);
+      ASSERT_EQ(neighbors.size(), 7u);
+      for (std::size_t i = 0; i < neighbors.size(); ++i) {
+        EXPECT_NEAR(neighbors[i].distance, truth[i], 1e-4);
+        const auto& view = models[neighbors[i].model].views[neighbors[i].view];
+        const auto& descriptor = view.descriptors[kind == "vfh" ? 0 : 1];
+        EXPECT_NEAR(distanceTo(descriptor), truth[i], 1e-4);
+        EXPECT_EQ(neighbors[i].view_centroid, descriptor.centroid);
+        EXPECT_EQ(neighbors[i].cluster_centroid, query.centroid);
+      }
+
+      options.max_distance = (truth[2] + truth[3]) / 2;
+      EXPECT_EQ(nearestViews(query, index, options).size(), 3u);
+      options.max_distance = 0;
+      EXPECT_TRUE(nearestViews(query, index, options).empty());
+    }
+}
+
+TEST(Match, OnlyEqualKindsAndLengthsAreCompared) {
+  const ModelIndex index(randomModels());
+  std::mt19937 random(2);
+  Descriptor query{"esf", randomHistogram(random), {0, 0, 1}};
+  EXPECT_TRUE(nearestViews(query, index, MatchOptions()).empty());
+  query.kind = "vfh";
+  query.values.pop_back();
+  EXPECT_TRUE(nearestViews(query, index, MatchOptions()).empty());
+}
+
+TEST(Match, AClusterThatIsTheViewHasTheViewsPose) {
+  View view;
+  view.T_view_object = clouds::motion(40, {1, 2, 3}, {0.1, 0.2, 0.8});
+  const Eigen::Vector3f centroid(0.12f, 0.18f, 0.85f);
+  const Neighbor same{0, 0, centroid, centroid, 0};
+  EXPECT_TRUE(poseFromView(same, view, 0).isApprox(view.T_view_object, 1e-6));
+}
+
+TEST(Match, PosesBringTheCentroidsTogetherAndTurnAboutTheViewingAxis) {
+  View view;
+  view.T_view_object = clouds::motion(40, {1, 2, 3}, {0.1, 0.2, 0.8});
+  const Neighbor neighbor{0, 0, {0.12f, 0.18f, 0.85f}, {-0.2f, 0.1f, 1.1f}, 0};
+  const Eigen::Vector3d seen = neighbor.cluster_centroid.cast<double>();
+  const Eigen::Vector3d trained = neighbor.view_centroid.cast<double>();
+  for (const double roll : {0.0, 0.5, 3.0, -2.0}) {
+    const Eigen::Isometry3d T = poseFromView(neighbor, view, roll);
+    const Eigen::Isometry3d T_camera_view = T * view.T_view_object.inverse();
+    EXPECT_TRUE((T_camera_view * trained).isApprox(seen, 1e-6));
+    EXPECT_TRUE((T_camera_view.linear() * trained.normalized()).isApprox(seen.normalized(), 1e-6));
+    const Eigen::Matrix3d turn = T.linear() * poseFromView(neighbor, view, 0).linear().transpose();
+    EXPECT_NEAR(angleOf(turn), std::abs(roll), 1e-6);
+    EXPECT_TRUE((turn * seen).isApprox(seen, 1e-6));
+  }
+}
+
+TEST(Match, ARenderedViewFindsItsOwnObject) {
+  const std::vector<Eigen::Vector3d> directions{
+      {1, 0.7, 0.8}, {-0.5, 1, 0.6}, {-1, -0.6, 0.9}, {0.4, -1, 0.7}};
+  for (const auto& [name, mesh] : shapes())
+    for (const auto& direction : directions) {
+      Eigen::Isometry3d truth =
+          Eigen::Translation3d(0.1, -0.05, 0) * views::lookAt(mesh, direction, 0.9);
+      truth = Eigen::AngleAxisd(0.7, Eigen::Vector3d::UnitZ()) * truth;  // the camera rolled
+      const auto candidates =
+          matchCluster(views::seen(mesh, truth), trainedIndex(), MatchOptions());
+      ASSERT_TRUE(candidates) << candidates.reason;
+      EXPECT_EQ(candidates->front().name, name) << direction.transpose();
+      const auto right = std::any_of(candidates->begin(), candidates->end(), [&](const auto& c) {
+        const Eigen::Isometry3d off = truth.inverse() * c.T_camera_object;
+        return c.name == name && angleOf(off.linear()) < 25 * DEG;
+      });
+      EXPECT_TRUE(right) << "no candidate near the true pose of " << name << " seen from "
+                         << direction.transpose();
+    }
+}
+
+TEST(Match, CandidatesComeBestFirstAndDiffer) {
+  MatchOptions options;
+  options.max_candidates = 5;
+  const auto candidates = matchCluster(houseFromTheSide(), trainedIndex(), options);
+  ASSERT_TRUE(candidates);
+  ASSERT_GE(candidates->size(), 2u);
+  EXPECT_LE(candidates->size(), 5u);
+  for (std::size_t i = 1; i < candidates->size(); ++i)
+    EXPECT_LE((*candidates)[i - 1].misfit, (*candidates)[i].misfit);
+  for (std::size_t i = 0; i < candidates->size(); ++i)
+    for (std::size_t j = 0; j < i; ++j) {
+      const auto &a = (*candidates)[i], &b = (*candidates)[j];
+      EXPECT_FALSE(a.name == b.name && a.T_camera_object.isApprox(b.T_camera_object, 1e-3));
+    }
+  options.max_candidates = 1;
+  const auto best = matchCluster(houseFromTheSide(), trainedIndex(), options);
+  ASSERT_EQ(best->size(), 1u);
+  EXPECT_EQ(best->front().T_camera_object.matrix(), candidates->front().T_camera_object.matrix());
+}
+
+TEST(Match, NoCandidateHasItsReason) {
+  MatchOptions options;
+  const Surface house = houseFromTheSide();
+  EXPECT_EQ(reasonOf(matchCluster(house, ModelIndex(), options)), "the database holds no object");
+
+  Surface tiny = house;
+  tiny.points.resize(12);
+  tiny.normals.resize(12);
+  EXPECT_EQ(reasonOf(matchCluster(tiny, trainedIndex(), options)),
+            "the cluster has 12 sampled points, limit 40");
+  EXPECT_EQ(reasonOf(matchCluster({}, trainedIndex(), options)),
+            "the cluster has 0 sampled points, limit 40");
+
+  options.max_distance = 1;
+  EXPECT_NE(
+      reasonOf(matchCluster(house, trainedIndex(), options)).find("no view is nearer than 1 "),
+      std::string::npos);
+
+  options = MatchOptions();
+  options.max_size_ratio = 0.5;
+  const auto large = reasonOf(matchCluster(house, trainedIndex(), options));
+  EXPECT_NE(large.find("m across, more than 0.5 times any object"), std::string::npos) << large;
+}
+
+TEST(Match, OnlyTheWantedKindsAreCompared) {
+  auto models = trainedIndex().models();
+  for (auto& model : models)
+    for (auto& view : model.views) view.descriptors.resize(1);  // VFH alone
+  const ModelIndex index(models);
+  MatchOptions options;
+  options.kinds = "vfh";
+  EXPECT_TRUE(matchCluster(houseFromTheSide(), index, options));
+  options.kinds = "cvfh";
+  EXPECT_FALSE(matchCluster(houseFromTheSide(), index, options));
+}
+
+TEST(Match, OptionsOutOfRangeAreRefused) {
+  MatchOptions options;
+  options.kinds = "esf";
+  EXPECT_EQ(clouds::refusalOf([&] { matchCluster({}, ModelIndex(), options); }),
+            "match.kinds must be one of vfh, cvfh, both, got 'esf'");
+}
