@@ -14,6 +14,7 @@
 #include "tabletop_perception/match.h"
 #include "tabletop_perception/model_index.h"
 #include "tabletop_perception/refine.h"
+#include "tabletop_perception/split.h"
 #include "tabletop_perception/table.h"
 #include "tabletop_perception/verify.h"
 
@@ -24,6 +25,7 @@ struct PipelineOptions {
   FilterOptions filter;
   TableOptions table;
   ClusterOptions cluster;
+  SplitOptions split;
   MatchOptions match;
   RefineOptions refine;
   VerifyOptions verify;
@@ -34,6 +36,7 @@ struct PipelineOptions {
     visit("filter", filter);
     visit("table", table);
     visit("cluster", cluster);
+    visit("split", split);
     visit("match", match);
     visit("refine", refine);
     visit("verify", verify);

@@ -1,37 +1,16 @@
 #include "tabletop_perception/cluster.h"
 
 #include <algorithm>
-#include <numeric>
 #include <stdexcept>
 #include <string>
+#include <unordered_map>
 
 #include "tabletop_perception/kd_tree.h"
+#include "union_find.h"
+#include "voxel_key.h"
 
 namespace tabletop_perception {
 namespace {
-
-/// Disjoint sets of points, each named by its lowest index.
-class UnionFind {
- public:
-  explicit UnionFind(std::size_t size) : parent_(size) {
-    std::iota(parent_.begin(), parent_.end(), 0);
-  }
-
-  int root(int i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-
-  void join(int a, int b) {
-    a = root(a);
-    b = root(b);
-    if (a < b) parent_[b] = a;
-    if (b < a) parent_[a] = b;
-  }
-
- private:
-  std::vector<int> parent_;
-};
 
 /// Joins each pixel with the last point before it in its row and in its column. Pixels without a
 /// point lie between where the gap in space is small enough: holes are bridged by metres.
@@ -53,6 +32,51 @@ UnionFind joinOverGrid(const Cloud& cloud, float squared_tolerance) {
     }
   }
   return sets;
+}
+
+/// Points of one set in one cube.
+struct Part {
+  int root;  ///< names the set
+  Indices points;
+};
+using Cubes = std::unordered_map<VoxelKey, std::vector<Part>, VoxelKeyHash>;
+
+/// The points by cubes as large as the tolerance: what is near lies in neighbouring cubes.
+Cubes partsByCube(const Cloud& cloud, double tolerance, UnionFind& sets) {
+  Cubes cubes;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (!cloud.valid(i)) continue;
+    const int root = sets.root(static_cast<int>(i));
+    auto& parts = cubes[VoxelKey::of(cloud.point(i), 1.0 / tolerance)];
+    auto part = std::find_if(parts.begin(), parts.end(),
+                             [=](const Part& other) { return other.root == root; });
+    if (part == parts.end()) part = parts.insert(part, {root, {}});
+    part->points.push_back(static_cast<int>(i));
+  }
+  return cubes;
+}
+
+bool touch(const Cloud& cloud, const Part& a, const Part& b, float squared_tolerance) {
+  for (const int i : a.points)
+    for (const int j : b.points)
+      if ((cloud.point(i) - cloud.point(j)).squaredNorm() <= squared_tolerance) return true;
+  return false;
+}
+
+/// Joins sets that are near in space though not along the grid's rows and columns: an object that
+/// hides a strip of itself is seen in two pieces.
+void joinAcrossSteps(const Cloud& cloud, double tolerance, UnionFind& sets) {
+  const auto squared_tolerance = static_cast<float>(tolerance * tolerance);
+  const Cubes cubes = partsByCube(cloud, tolerance, sets);
+  for (const auto& [key, parts] : cubes)
+    for (int n = 0; n < 14; ++n) {  // half of the cubes around it, and itself
+      const auto near = cubes.find({key.x + n % 3 - 1, key.y + n / 3 % 3 - 1, key.z + n / 9 - 1});
+      if (near == cubes.end()) continue;
+      for (const Part& a : parts)
+        for (const Part& b : near->second)
+          if (sets.root(a.root) != sets.root(b.root) && touch(cloud, a, b, squared_tolerance))
+            sets.join(a.root, b.root);
+    }
 }
 
 /// Joins every point with all others within the tolerance.
@@ -78,6 +102,7 @@ std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& o
   const auto tolerance = static_cast<float>(options.tolerance);
   UnionFind sets = cloud.organized() ? joinOverGrid(cloud, tolerance * tolerance)
                                      : joinThroughTree(cloud, options.tolerance);
+  if (cloud.organized()) joinAcrossSteps(cloud, options.tolerance, sets);
   std::vector<int> sizes(cloud.size(), 0);  // by root
   for (std::size_t i = 0; i < cloud.size(); ++i)
     if (cloud.valid(i)) ++sizes[sets.root(static_cast<int>(i))];

@@ -110,6 +110,8 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
   const Cloud standing = pointsOnTable(result.filtered, *result.table, options.table);
   result.clusters = extractClusters(standing, options.cluster);
   watch.lap("cluster");
+  result.clusters = splitClusters(standing, result.clusters, options.split);
+  watch.lap("split");
   if (result.clusters.empty() && result.reason.empty()) result.reason = "nothing stands on it";
   return result;
 }

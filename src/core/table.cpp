@@ -21,7 +21,8 @@ constexpr double PATCH_CELL = 0.02;       // raster in which a patch of table is
 constexpr int PATCH_GAP = 2;              // cells without points that a patch may span
 constexpr double MIN_PATCH_SHARE = 0.05;  // of the largest patch: smaller ones are chance
 constexpr int MAX_CELLS = 2000;           // along one side of the raster
-constexpr std::size_t CARRIED_STEP = 7;   // every so manieth point tells whether a table is bare
+constexpr double HULL_SLACK = 0.005;  // the hull's own corners lie on the table, noise or not [m]
+constexpr std::size_t CARRIED_STEP = 7;  // every so manieth point tells whether a table is bare
 
 std::string format(const char* text, ...) __attribute__((format(printf, 1, 2)));
 std::string format(const char* text, ...) {
@@ -173,7 +174,7 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& drawn,
   table.hull = convexHullOf(outlineOf(cloud, near, flat, TablePatches(flat)));
   if (table.hull.empty()) return Found<Table>::none("a plane whose points lie on one line");
 
-  const ConvexRegion region(table.hull, 0);
+  const ConvexRegion region(table.hull, HULL_SLACK);
   for (std::size_t k = 0; k < near.size(); ++k)
     if (region.contains(flat[k].x(), flat[k].y())) table.inliers.push_back(near[k]);
   const Eigen::Vector2d center = centroidOfPolygon(table.hull);

@@ -14,6 +14,7 @@
 #include "tabletop_perception/MarkersConfig.h"
 #include "tabletop_perception/MatchConfig.h"
 #include "tabletop_perception/RefineConfig.h"
+#include "tabletop_perception/SplitConfig.h"
 #include "tabletop_perception/TableConfig.h"
 #include "tabletop_perception/VerifyConfig.h"
 #include "tabletop_perception/pipeline.h"
@@ -110,6 +111,7 @@ TEST(Config, tableHasTheOptionsOfItsStruct) { expectSameFields<TableConfig, Tabl
 TEST(Config, clusterHasTheOptionsOfItsStruct) { expectSameFields<ClusterConfig, ClusterOptions>(); }
 TEST(Config, matchHasTheOptionsOfItsStruct) { expectSameFields<MatchConfig, MatchOptions>(); }
 TEST(Config, refineHasTheOptionsOfItsStruct) { expectSameFields<RefineConfig, RefineOptions>(); }
+TEST(Config, splitHasTheOptionsOfItsStruct) { expectSameFields<SplitConfig, SplitOptions>(); }
 TEST(Config, verifyHasTheOptionsOfItsStruct) { expectSameFields<VerifyConfig, VerifyOptions>(); }
 TEST(Config, markersHaveTheOptionsOfTheirStruct) {
   expectSameFields<MarkersConfig, MarkerOptions>();
