@@ -1,39 +1,16 @@
 #include "tabletop_perception/cluster.h"
 
 #include <algorithm>
-#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <unordered_map>
 
 #include "tabletop_perception/kd_tree.h"
+#include "union_find.h"
 #include "voxel_key.h"
 
 namespace tabletop_perception {
 namespace {
-
-/// Disjoint sets of points, each named by its lowest index.
-class UnionFind {
- public:
-  explicit UnionFind(std::size_t size) : parent_(size) {
-    std::iota(parent_.begin(), parent_.end(), 0);
-  }
-
-  int root(int i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-
-  void join(int a, int b) {
-    a = root(a);
-    b = root(b);
-    if (a < b) parent_[b] = a;
-    if (b < a) parent_[a] = b;
-  }
-
- private:
-  std::vector<int> parent_;
-};
 
 /// Joins each pixel with the last point before it in its row and in its column. Pixels without a
 /// point lie between where the gap in space is small enough: holes are bridged by metres.
