@@ -9,7 +9,7 @@ namespace tabletop_perception {
 
 /// Where clusters of things that touch are cut apart.
 struct SplitOptions {
-  bool enabled = true;            ///< false: clusters stay as they are
+  bool enabled = false;           ///< false: clusters stay as they are
   int step = 2;                   ///< every step-th pixel is looked at [pixels]
   int window = 7;                 ///< side of the window of a normal, in steps (odd)
   double gap = 0.015;             ///< neighbouring points farther apart do not touch [m]

@@ -128,6 +128,7 @@ std::vector<Seen> lookFromAll(const Mesh& mesh, const std::vector<Eigen::Isometr
   auto other = std::async(std::launch::async, work, Progress());
   work(progress);
   other.get();
+  if (progress) progress(1);  // the other thread may have had the last view
   return seen;
 }
 

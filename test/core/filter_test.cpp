@@ -202,7 +202,7 @@ TEST(Filter, OutliersOfFewPointsAreNoError) {
 TEST(Filter, ByDefaultOnlyTheRangeIsCropped) {
   const Cloud cloud = randomGrid();
   expectKeptExactly(cloud, filterCloud(cloud, FilterOptions()),
-                    [](const Eigen::Vector3f& p) { return p.norm() >= 0.1f && p.norm() <= 2.5f; });
+                    [](const Eigen::Vector3f& p) { return p.norm() >= 0.1f && p.norm() <= 2.0f; });
 }
 
 TEST(Filter, TheOptionsNameEveryFilter) {
@@ -211,7 +211,7 @@ TEST(Filter, TheOptionsNameEveryFilter) {
   options.crop_axis = "y";
   options.crop_min = 0, options.crop_max = 1;
   expectKeptExactly(cloud, filterCloud(cloud, options), [](const Eigen::Vector3f& p) {
-    return p.norm() >= 0.1f && p.norm() <= 2.5f && p.y() >= 0 && p.y() <= 1;
+    return p.norm() >= 0.1f && p.norm() <= 2.0f && p.y() >= 0 && p.y() <= 1;
   });
   options.outliers = "radius";
   options.outlier_neighbors = 1;
@@ -235,7 +235,7 @@ TEST(Filter, ContradictionsAreRefusedByNameAndValue) {
     return refusalOf([&] { filterCloud(cloud, options); });
   };
   EXPECT_EQ(refusal([](auto& o) { o.min_range = 3; }),
-            "filter.min_range must be below filter.max_range, got 3.000000 and 2.500000");
+            "filter.min_range must be below filter.max_range, got 3.000000 and 2.000000");
   EXPECT_EQ(refusal([](auto& o) { o.crop_min = o.crop_max; }),
             "filter.crop_min must be below filter.crop_max, got 2.500000 and 2.500000");
   EXPECT_EQ(refusal([](auto& o) { o.leaf_size = -0.01; }),
