@@ -157,7 +157,10 @@ SceneObject decideCluster(const Cloud& scene, const Indices& cluster, std::uint3
                       verifyPose(model, index.grid(m), alignment->T_camera_object, sample, scene,
                                  projection, table, options.verify)});
   }
-  if (ranked.empty()) return object;
+  if (ranked.empty()) {
+    if (object.reason.empty()) object.reason = "what it looked like is no longer in the database";
+    return object;
+  }
 
   std::stable_sort(ranked.begin(), ranked.end(), better);
   const Hypothesis& best = ranked.front();
