@@ -122,6 +122,7 @@ TEST(Table, ItsInliersAreThePixelsOfTheTable) {
 }
 
 TEST(Table, ItsHullIsConvexCounterClockwiseAndHoldsTheInliers) {
+  // To within 8 mm: the hull's corners are points as well, and as noisy; containment is tabulated.
   const auto& scene = noisyScene();
   const auto table = findTable(scene.cloud, scene.up, TableOptions());
   ASSERT_TRUE(table);
@@ -129,7 +130,7 @@ TEST(Table, ItsHullIsConvexCounterClockwiseAndHoldsTheInliers) {
   ASSERT_GE(hull.size(), 4u);
   const auto leftOf = [&](std::size_t i, const Eigen::Vector2d& p) {
     const Eigen::Vector2d edge = hull[(i + 1) % hull.size()] - hull[i], d = p - hull[i];
-    return edge.x() * d.y() - edge.y() * d.x();
+    return (edge.x() * d.y() - edge.y() * d.x()) / edge.norm();
   };
   for (std::size_t i = 0; i < hull.size(); ++i) {
     EXPECT_GT(leftOf(i, hull[(i + 2) % hull.size()]), 0) << "corner " << i;
@@ -137,7 +138,7 @@ TEST(Table, ItsHullIsConvexCounterClockwiseAndHoldsTheInliers) {
   }
   for (const int k : table->inliers) {
     const Eigen::Vector3d p = table->T_camera_table.inverse() * scene.cloud.point(k).cast<double>();
-    for (std::size_t i = 0; i < hull.size(); ++i) ASSERT_GE(leftOf(i, p.head<2>()), -1e-5);
+    for (std::size_t i = 0; i < hull.size(); ++i) ASSERT_GE(leftOf(i, p.head<2>()), -0.008);
   }
   EXPECT_NEAR(areaOf(hull), 0.6 * 0.7, 0.02);
 }
