@@ -18,6 +18,7 @@ struct MatchOptions {
   int neighbors = 10;                 ///< nearest views of each kind that are looked at
   double max_distance = 400;          ///< views farther than this are no match [of the metric]
   double max_size_ratio = 1.3;        ///< clusters larger than this times the model do not match
+  double union_gap = 0.015;           ///< clusters this near are also matched as one; 0: never [m]
   int rolls = 24;                     ///< turns about the viewing axis that are tried per view
   int max_candidates = 8;             ///< best initial poses kept per cluster
 
@@ -28,6 +29,7 @@ struct MatchOptions {
     visit("neighbors", neighbors, Range{1, 1000});
     visit("max_distance", max_distance, Range{0, 1e6});
     visit("max_size_ratio", max_size_ratio, Range{0.1, 100});
+    visit("union_gap", union_gap, Range{0, 0.2});
     visit("rolls", rolls, Range{1, 360});
     visit("max_candidates", max_candidates, Range{1, 1000});
   }

@@ -53,11 +53,12 @@ struct SceneObject {
   std::string name = "unknown";       ///< of the object in the database
   double score = 0;                   ///< probability of being right, 0 to 1
   Eigen::Isometry3d T_camera_object = Eigen::Isometry3d::Identity();  ///< unknown: its box's pose
-  double fitness = 0;  ///< RMS distance of the explained points [m]
-  double visible = 0;  ///< share of the model's surface that was seen, 0 to 1
-  int points = 0;      ///< of the cloud
-  Box box;             ///< about its points
-  std::string reason;  ///< why it is unknown
+  double fitness = 0;    ///< RMS distance of the explained points [m]
+  double visible = 0;    ///< share of the model's surface that was seen, 0 to 1
+  int points = 0;        ///< of the cloud
+  double explained = 0;  ///< share of them that the model explains, 0 to 1
+  Box box;               ///< about its points
+  std::string reason;    ///< why it is unknown
 };
 
 /// The table and what stands on it, before any recognition.
@@ -86,20 +87,24 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
 SceneObject unknownObject(const Cloud& scene, const Indices& cluster, std::uint32_t label,
                           const std::optional<Table>& table);
 
-/// What a cluster is: sampled, matched, every candidate refined and verified, the best one kept if
-/// it stands up to the limits; else "unknown" with its box and the reason. `scene`: the filtered
-/// cloud that the cluster's points belong to.
-SceneObject recognizeCluster(const Cloud& scene, const Indices& cluster, std::uint32_t label,
-                             const std::optional<Table>& table,
-                             const std::optional<Projection>& projection, const ModelIndex& index,
-                             const PipelineOptions& options);
+/// Some clusters of a scene that may be one thing, and what it may be.
+struct Proposal {
+  std::vector<std::uint32_t> labels;  ///< of the clusters in the segmentation, ascending
+  Found<std::vector<Candidate>> candidates;
+};
 
-/// As recognizeCluster, from candidates that were matched before (the refine nodelet's half).
-SceneObject decideCluster(const Cloud& scene, const Indices& cluster, std::uint32_t label,
-                          const Found<std::vector<Candidate>>& candidates,
-                          const std::optional<Table>& table,
-                          const std::optional<Projection>& projection, const ModelIndex& index,
-                          const PipelineOptions& options);
+/// The generous half of recognition: every cluster, and every union of clusters that touch, matched
+/// against the database. `scene`: the cloud that the clusters' points belong to.
+std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indices>& clusters,
+                                     const ModelIndex& index, const MatchOptions& options);
+
+/// The strict half: every candidate refined and verified, and of the proposals that stand up to the
+/// limits those kept that explain most points best, no cluster twice. What is left of the clusters
+/// is "unknown", with its box and the reason. In the order of the labels.
+std::vector<SceneObject> decideObjects(const Cloud& scene, const std::vector<Indices>& clusters,
+                                       const std::vector<Proposal>& proposals,
+                                       const std::optional<Table>& table, const ModelIndex& index,
+                                       const PipelineOptions& options);
 
 /// The whole pipeline in one call.
 Recognition recognizeScene(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,

@@ -9,7 +9,7 @@ namespace tabletop_perception {
 
 /// Where clusters of things that touch are cut apart.
 struct SplitOptions {
-  bool enabled = false;           ///< false: clusters stay as they are
+  bool enabled = true;            ///< false: clusters stay as they are
   int step = 2;                   ///< every step-th pixel is looked at [pixels]
   int window = 7;                 ///< side of the window of a normal, in steps (odd)
   double gap = 0.015;             ///< neighbouring points farther apart do not touch [m]
@@ -17,7 +17,8 @@ struct SplitOptions {
   double max_curvature = 0.04;    ///< points on sharper edges start no patch; 0 flat to 1/3
   int min_patch_points = 60;      ///< smaller patches are absorbed by their neighbours
   double concave_angle_deg = 12;  ///< patches that meet in a sharper hollow are not one thing [deg]
-  int min_points = 300;           ///< smaller parts join the neighbour with the longest border
+  int min_points = 300;           ///< smaller parts join the neighbour with the longest border, or
+                                  ///< are dropped where they touch nothing
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
@@ -37,8 +38,8 @@ struct SplitOptions {
 /// meet in concave edges. Smooth patches of the grid are joined across convex edges, longest first,
 /// as long as the whole border between two groups is more convex than not (after the local
 /// convexity of Stein et al. 2014, on patches instead of supervoxels). Largest part first, each
-/// with its points ascending; together they are the clusters' points, less those no patch reaches.
-/// Of an unorganised cloud, or with `enabled` false, the clusters come back as they are.
+/// with its points ascending. Of an unorganised cloud, or with `enabled` false, the clusters come
+/// back as they are.
 std::vector<Indices> splitClusters(const Cloud& cloud, const std::vector<Indices>& clusters,
                                    const SplitOptions& options);
 

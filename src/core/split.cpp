@@ -209,9 +209,10 @@ std::vector<Indices> splitClusters(const Cloud& cloud, const std::vector<Indices
       const int part = partNear(cloud, i, static_cast<int>(k), grid, part_of_cell);
       if (part >= 0) parts[part].push_back(i);
     }
-  parts.erase(
-      std::remove_if(parts.begin(), parts.end(), [](const Indices& p) { return p.empty(); }),
-      parts.end());
+  const auto scattered = [&](const Indices& part) {
+    return static_cast<int>(part.size()) < options.min_points;
+  };
+  parts.erase(std::remove_if(parts.begin(), parts.end(), scattered), parts.end());
   std::stable_sort(parts.begin(), parts.end(),
                    [](const Indices& a, const Indices& b) { return a.size() > b.size(); });
   return parts;

@@ -155,13 +155,12 @@ std::optional<Table> tableFromMessage(const TableMessage& message) {
   return table;
 }
 
-ClusterCandidates messageFromCandidates(std::uint32_t label,
-                                        const Found<std::vector<Candidate>>& candidates) {
+ClusterCandidates messageFromProposal(const Proposal& proposal) {
   ClusterCandidates message;
-  message.label = label;
-  message.reason = candidates.reason;
-  if (!candidates) return message;
-  for (const auto& candidate : *candidates) {
+  message.labels = proposal.labels;
+  message.reason = proposal.candidates.reason;
+  if (!proposal.candidates) return message;
+  for (const auto& candidate : *proposal.candidates) {
     MatchCandidate entry;
     entry.name = candidate.name;
     entry.distance = candidate.distance;
@@ -172,8 +171,13 @@ ClusterCandidates messageFromCandidates(std::uint32_t label,
   return message;
 }
 
-Found<std::vector<Candidate>> candidatesFromMessage(const ClusterCandidates& message) {
-  if (message.candidates.empty()) return Found<std::vector<Candidate>>::none(message.reason);
+Proposal proposalFromMessage(const ClusterCandidates& message, std::size_t clusters) {
+  for (const auto label : message.labels)
+    if (label < 2 || label - 2 >= clusters)
+      throw std::invalid_argument("candidates of label " + std::to_string(label) +
+                                  ": the cloud has labels 2 to " + std::to_string(clusters + 1));
+  if (message.candidates.empty())
+    return {message.labels, Found<std::vector<Candidate>>::none(message.reason)};
   std::vector<Candidate> candidates;
   for (const auto& entry : message.candidates) {
     Candidate candidate;
@@ -183,7 +187,7 @@ Found<std::vector<Candidate>> candidatesFromMessage(const ClusterCandidates& mes
     candidate.T_camera_object = poseFromMessage(entry.pose);
     candidates.push_back(candidate);
   }
-  return candidates;
+  return {message.labels, candidates};
 }
 
 RecognizedObject messageFromObject(const SceneObject& object, std::uint32_t id,

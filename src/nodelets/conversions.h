@@ -49,10 +49,10 @@ TableMessagePtr messageFromTable(const Found<Table>& table, const std_msgs::Head
 /// The table in a message; its inliers' indices do not travel and are empty.
 std::optional<Table> tableFromMessage(const TableMessage& message);
 
-/// What a cluster may be, or why nothing.
-ClusterCandidates messageFromCandidates(std::uint32_t label,
-                                        const Found<std::vector<Candidate>>& candidates);
-Found<std::vector<Candidate>> candidatesFromMessage(const ClusterCandidates& message);
+/// What some clusters may be, or why nothing. Back from a message throws std::invalid_argument for
+/// labels that none of so many clusters has.
+ClusterCandidates messageFromProposal(const Proposal& proposal);
+Proposal proposalFromMessage(const ClusterCandidates& message, std::size_t clusters);
 
 /// A thing on the table, with the id that the tracker gave it.
 RecognizedObject messageFromObject(const SceneObject& object, std::uint32_t id,

@@ -42,11 +42,8 @@ class MatchNodelet : public StageNodelet {
       candidates->header = message->header;
       candidates->reason = models_->reason();
       if (!candidates->reason.empty()) warn(candidates->reason);
-      for (std::size_t k = 0; k < clusters.size(); ++k) {
-        const Surface sample = sampleCluster(cloud, clusters[k], index.descriptorOptions());
-        candidates->clusters.push_back(
-            messageFromCandidates(k + 2, matchCluster(sample, index, options_)));
-      }
+      for (const auto& proposal : proposeObjects(cloud, clusters, index, options_))
+        candidates->clusters.push_back(messageFromProposal(proposal));
       candidates_pub_.publish(candidates);
       clusters_pub_.publish(message);
     });

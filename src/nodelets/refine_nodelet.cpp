@@ -158,15 +158,11 @@ class RefineNodelet : public StageNodelet {
                                   " points do not belong to a cloud of " +
                                   std::to_string(scene.size()));
     const auto clusters = clustersOf(labels);
-    const auto table = tableFromMessage(table_message);
-    const auto projection = fitProjection(scene).value;
-
-    std::vector<SceneObject> objects;
+    std::vector<Proposal> proposals;
     for (const auto& entry : candidates.clusters)
-      objects.push_back(decideCluster(scene, clusters.at(entry.label - 2), entry.label,
-                                      candidatesFromMessage(entry), table, projection, index,
-                                      options_));
-    return objects;
+      proposals.push_back(proposalFromMessage(entry, clusters.size()));
+    return decideObjects(scene, clusters, proposals, tableFromMessage(table_message), index,
+                         options_);
   }
 
   static std::vector<Sighting> sightingsOf(const std::vector<SceneObject>& objects) {

@@ -92,7 +92,8 @@ std::vector<std::string> viewFilesIn(const std::string& folder) {
 
 /// The only thing on the table of a scene, in the frame of the scene's file.
 TrainingView loneObject(const Scene& scene, const std::optional<Eigen::Vector3d>& up,
-                        const PipelineOptions& options) {
+                        PipelineOptions options) {
+  options.split.enabled = false;  // what stands alone is one thing, hollows or not
   const auto segmentation = segmentScene(scene.cloud, up, options);
   if (segmentation.clusters.empty())
     throw std::invalid_argument(scene.name + ": nothing to learn: " + segmentation.reason);

@@ -42,7 +42,7 @@ PipelineOptions unsplit() {
 }
 
 Recognition recognized(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
-                       const PipelineOptions& options = unsplit()) {
+                       const PipelineOptions& options = PipelineOptions()) {
   return recognizeScene(cloud, up, threeModels(), options);
 }
 
@@ -137,8 +137,10 @@ TEST(Pipeline, FindsThreeObjectsWhereTheyAre) {
   ASSERT_EQ(recognition.objects.size(), 3u);
   for (std::size_t k = 0; k < recognition.objects.size(); ++k) {
     const auto& object = recognition.objects[k];
-    EXPECT_EQ(object.labels, std::vector<std::uint32_t>{static_cast<std::uint32_t>(k) + 2});
-    EXPECT_EQ(object.points, static_cast<int>(recognition.segmentation.clusters[k].size()));
+    std::size_t points = 0;
+    for (const auto label : object.labels)
+      points += recognition.segmentation.clusters.at(label - 2).size();
+    EXPECT_EQ(object.points, static_cast<int>(points));
     EXPECT_GT(object.box.size[2], 0.02);
   }
   for (const std::string stage : {"filter", "table", "cluster", "match", "refine", "total"})
@@ -240,13 +242,14 @@ TEST(Pipeline, TheStagesOneByOneSayTheSame) {
   const PipelineOptions options = unsplit();
   const Recognition whole = recognized(scene.cloud, scene.up);
   const Segmentation& segmentation = whole.segmentation;
-  const auto projection = fitProjection(segmentation.filtered).value;
-  for (std::size_t k = 0; k < segmentation.clusters.size(); ++k) {
-    const auto object = recognizeCluster(segmentation.filtered, segmentation.clusters[k],
-                                         static_cast<std::uint32_t>(k) + 2, segmentation.table,
-                                         projection, threeModels(), options);
-    EXPECT_EQ(object.name, whole.objects[k].name);
-    EXPECT_EQ(object.T_camera_object.matrix(), whole.objects[k].T_camera_object.matrix());
+  const auto proposals =
+      proposeObjects(segmentation.filtered, segmentation.clusters, threeModels(), options.match);
+  const auto objects = decideObjects(segmentation.filtered, segmentation.clusters, proposals,
+                                     segmentation.table, threeModels(), options);
+  ASSERT_EQ(objects.size(), whole.objects.size());
+  for (std::size_t k = 0; k < objects.size(); ++k) {
+    EXPECT_EQ(objects[k].name, whole.objects[k].name);
+    EXPECT_EQ(objects[k].T_camera_object.matrix(), whole.objects[k].T_camera_object.matrix());
   }
 }
 
@@ -255,9 +258,10 @@ TEST(Pipeline, CandidatesThatLeftTheDatabaseMeanwhileAreNotAnswered) {
   const Segmentation segmentation = segmentScene(scene.cloud, scene.up, PipelineOptions());
   ASSERT_FALSE(segmentation.clusters.empty());
   const std::vector<Candidate> gone{{"teapot", 0, 0, Eigen::Isometry3d::Identity()}};
-  const auto object =
-      decideCluster(segmentation.filtered, segmentation.clusters[0], 2, gone, segmentation.table,
-                    std::nullopt, threeModels(), PipelineOptions());
-  EXPECT_EQ(object.name, "unknown");
-  EXPECT_NE(object.reason, "");
+  const auto objects =
+      decideObjects(segmentation.filtered, {segmentation.clusters[0]}, {{{2}, gone}},
+                    segmentation.table, threeModels(), PipelineOptions());
+  ASSERT_EQ(objects.size(), 1u);
+  EXPECT_EQ(objects[0].name, "unknown");
+  EXPECT_NE(objects[0].reason, "");
 }

@@ -200,7 +200,10 @@ TEST_F(TabletopProgram, RefusesOutputsThatWouldBeLost) {
 
 TEST_F(TabletopProgram, SegmentPrintsOneJsonObjectPerScene) {
   const auto empty_pcd = save(folder_, "empty.pcd", scene::render({}).cloud);
-  const auto ran = runTabletop("segment --json " + empty_pcd + three_pcd_ + upOf(three_.up));
+  // The bracket and the block have hollows: uncut, they are one thing each.
+  const auto uncut = folder_.write("uncut.yaml", "split: {enabled: false}\n");
+  const auto ran = runTabletop("segment --json " + empty_pcd + three_pcd_ + upOf(three_.up) +
+                               " --config " + uncut);
   EXPECT_EQ(ran.exit_code, 0);
   EXPECT_TRUE(ran.err.empty()) << ran.err;
   const auto scenes = linesOf(ran.out);
@@ -225,7 +228,9 @@ TEST_F(TabletopProgram, SegmentPrintsATableForPeople) {
 }
 
 TEST_F(TabletopProgram, SegmentWritesALabelForEveryPointOfTheScene) {
-  const auto ran = runTabletop("segment " + three_pcd_ + "--output " + folder_.file("out.pcd"));
+  const auto uncut = folder_.write("uncut.yaml", "split: {enabled: false}\n");
+  const auto ran = runTabletop("segment " + three_pcd_ + "--output " + folder_.file("out.pcd") +
+                               " --config " + uncut);
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
   const auto written = readPcd(folder_.file("out.pcd"));
   EXPECT_EQ(written.cloud.width, three_.cloud.width);
