@@ -42,6 +42,9 @@ using Indices = std::vector<int>;
 /// The pixels that hold a point.
 Indices validIndices(const Cloud& cloud);
 
+/// The given points, in their order.
+std::vector<Eigen::Vector3f> pointsAt(const Cloud& cloud, const Indices& indices);
+
 /// The given points as an unorganised cloud, in their order.
 Cloud selectPoints(const Cloud& cloud, const Indices& indices);
 

@@ -19,6 +19,13 @@ Indices validIndices(const Cloud& cloud) {
   return valid;
 }
 
+std::vector<Eigen::Vector3f> pointsAt(const Cloud& cloud, const Indices& indices) {
+  std::vector<Eigen::Vector3f> points;
+  points.reserve(indices.size());
+  for (const int i : indices) points.push_back(cloud.point(i));
+  return points;
+}
+
 Cloud selectPoints(const Cloud& cloud, const Indices& indices) {
   Cloud selected(static_cast<int>(indices.size()), 1, cloud.colored());
   for (std::size_t i = 0; i < indices.size(); ++i) {

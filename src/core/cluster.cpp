@@ -83,10 +83,7 @@ void joinAcrossSteps(const Cloud& cloud, double tolerance, UnionFind& sets) {
 UnionFind joinThroughTree(const Cloud& cloud, double tolerance) {
   UnionFind sets(cloud.size());
   const Indices valid = validIndices(cloud);
-  std::vector<Eigen::Vector3f> points;
-  points.reserve(valid.size());
-  for (const int i : valid) points.push_back(cloud.point(i));
-  const KdTree tree(std::move(points));
+  const KdTree tree(pointsAt(cloud, valid));
   std::vector<KdTree::Neighbor> within;
   for (const int i : valid) {
     tree.within(cloud.point(i), tolerance, within);

@@ -20,13 +20,6 @@ Cloud keepIf(const Cloud& cloud, Predicate keep) {
   return kept;
 }
 
-std::vector<Eigen::Vector3f> pointsAt(const Cloud& cloud, const Indices& indices) {
-  std::vector<Eigen::Vector3f> points;
-  points.reserve(indices.size());
-  for (const int i : indices) points.push_back(cloud.point(i));
-  return points;
-}
-
 /// Sums of the points of one voxel.
 struct VoxelSum {
   Eigen::Vector3d point = Eigen::Vector3d::Zero();

@@ -79,10 +79,7 @@ Normals computeNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
   const std::vector<float> none(cloud.size(), std::numeric_limits<float>::quiet_NaN());
   Normals normals{none, none, none, none};
   const Indices valid = validIndices(cloud);
-  std::vector<Eigen::Vector3f> points;
-  points.reserve(valid.size());
-  for (const int i : valid) points.push_back(cloud.point(i));
-  const KdTree tree(std::move(points));
+  const KdTree tree(pointsAt(cloud, valid));
   std::vector<KdTree::Neighbor> nearest;
   for (const int i : valid) {
     const Eigen::Vector3f p = cloud.point(i);

@@ -32,13 +32,6 @@ class StopWatch {
   Clock::time_point last_ = Clock::now();
 };
 
-std::vector<Eigen::Vector3f> pointsAt(const Cloud& cloud, const Indices& indices) {
-  std::vector<Eigen::Vector3f> points;
-  points.reserve(indices.size());
-  for (const int i : indices) points.push_back(cloud.point(i));
-  return points;
-}
-
 /// A candidate after ICP, and what the camera says about it.
 struct Hypothesis {
   const ObjectModel* model;

@@ -29,9 +29,7 @@ struct SegmentArguments : SceneArguments {
 std::vector<std::uint32_t> spreadLabels(const Segmentation& segmentation, const Cloud& cloud,
                                         double leaf_size) {
   const auto kept = validIndices(segmentation.filtered);
-  std::vector<Eigen::Vector3f> points;
-  for (const int i : kept) points.push_back(segmentation.filtered.point(i));
-  const KdTree tree(std::move(points));
+  const KdTree tree(pointsAt(segmentation.filtered, kept));
   const auto filtered_labels = segmentation.labels();
   const double reach = std::sqrt(3.0) * leaf_size;
 
