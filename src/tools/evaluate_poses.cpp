@@ -1,5 +1,8 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
+#include <optional>
 #include <stdexcept>
 
 #include "evaluate.h"
@@ -20,6 +23,9 @@ struct PosedScene {
   std::vector<PosedObject> truth;
   bool has_result = false;
   PoseScore score;
+  /// Height of each true object's lowest vertex above the table that was found [m]; of things that
+  /// stand on it: how far the table is off. Empty without a table.
+  std::vector<double> lowest;
 };
 
 /// [[r, r, r, t], [r, r, r, t], [r, r, r, t]]
@@ -74,6 +80,32 @@ std::vector<PosedObject> readResult(const fs::path& file) {
   return readObjects(file, [](const json& object) { return poseFromParts(object.at("pose")); });
 }
 
+/// The `table` of a result; none if it is null.
+std::optional<Eigen::Vector4d> readTablePlane(const fs::path& file) {
+  std::optional<Eigen::Vector4d> plane;
+  visitJson(file, [&](const json& content) {
+    const auto table = content.find("table");
+    if (table == content.end() || table->is_null()) return;
+    plane.emplace();
+    for (int i = 0; i < 4; ++i) (*plane)[i] = table->at("plane").at(i).get<double>();
+  });
+  return plane;
+}
+
+std::vector<double> lowestVertices(const std::vector<PosedObject>& truth,
+                                   const std::map<std::string, ReferenceModel>& models,
+                                   const Eigen::Vector4d& plane) {
+  std::vector<double> lowest;
+  for (const auto& object : truth) {
+    const Eigen::Vector4d in_object = object.T_camera_object.matrix().transpose() * plane;
+    double least = std::numeric_limits<double>::max();
+    for (const auto& vertex : models.at(object.name).vertices.points())
+      least = std::min(least, in_object.head<3>().dot(vertex.cast<double>()) + in_object[3]);
+    lowest.push_back(least);
+  }
+  return lowest;
+}
+
 /// The folders with a gt.json, by name.
 std::vector<PosedScene> readScenes(const fs::path& truth) {
   checkFolder(truth, "--poses");
@@ -87,7 +119,7 @@ std::vector<PosedScene> readScenes(const fs::path& truth) {
         "none in " +
         truth.string());
   std::vector<PosedScene> scenes;
-  for (const auto& [name, file] : files) scenes.push_back({name, readTruth(file), false, {}});
+  for (const auto& [name, file] : files) scenes.push_back({name, readTruth(file), false, {}, {}});
   return scenes;
 }
 
@@ -127,6 +159,13 @@ std::vector<PoseScore> scoresOf(const std::vector<PosedScene>& scenes) {
   return scores;
 }
 
+/// "-3.1 to 0.2" [mm]
+std::string lowestText(const std::vector<double>& lowest) {
+  if (lowest.empty()) return "no table";
+  const auto [least, most] = std::minmax_element(lowest.begin(), lowest.end());
+  return formatted(*least, 1000, 1) + " to " + formatted(*most, 1000, 1);
+}
+
 std::vector<std::string> rowOf(const std::string& name, const PoseSummary& summary) {
   const auto percent = [](std::optional<double> share) { return formatted(share, 100, 1); };
   return {name,
@@ -144,8 +183,11 @@ void printText(const std::vector<PosedScene>& scenes) {
   const auto scores = scoresOf(scenes);
   std::vector<std::vector<std::string>> rows;
   rows.push_back({"", "right", "right %", "ADD-S %", "AUC %", "named %", "of results",
-                  "precision %", "median mm"});
-  for (const auto& scene : scenes) rows.push_back(rowOf(scene.name, summarize({scene.score})));
+                  "precision %", "median mm", "lowest above table mm"});
+  for (const auto& scene : scenes) {
+    rows.push_back(rowOf(scene.name, summarize({scene.score})));
+    rows.back().push_back(lowestText(scene.lowest));
+  }
   rows.emplace_back();
   for (const auto& name : namesIn(scores))
     rows.push_back(rowOf(name, summarize(ofName(scores, name))));
@@ -183,6 +225,7 @@ ordered_json sceneJson(const PosedScene& scene) {
   json.update(summaryJson(summarize({scene.score})));
   json["matches"] = ordered_json::array();
   for (const auto& outcome : scene.score.truth) json["matches"].push_back(outcomeJson(outcome));
+  json["lowest_above_table"] = scene.lowest;  // in the order of the truth
   return json;
 }
 
@@ -213,6 +256,9 @@ void evaluatePoses(const fs::path& truth, const fs::path& models, const fs::path
     scene.has_result = result != result_files.end();
     const auto found = scene.has_result ? readResult(result->second) : std::vector<PosedObject>{};
     scene.score = scorePoses(scene.truth, found, reference);
+    if (!scene.has_result) continue;
+    if (const auto plane = readTablePlane(result->second))
+      scene.lowest = lowestVertices(scene.truth, reference, *plane);
   }
   json ? printJson(scenes) : printText(scenes);
 }

@@ -212,6 +212,21 @@ TEST_F(EvaluatePoses, aSceneWithoutAResultCountsAsNothingFoundAndIsNamed) {
   EXPECT_EQ(figures["all"]["precision"], 1.0);
 }
 
+TEST_F(EvaluatePoses, tellsHowHighTheTrueObjectsStandAboveTheTableThatWasFound) {
+  // The wedges reach from z = 1 to z = 1.05, the table lies across z at 1.01 and faces the camera.
+  const json table = {{"plane", {0, 0, -1, 1.01}}};
+  folder.write("results/s1.json",
+               json{{"objects", json::array({result("wedge", 0)})}, {"table", table}}.dump());
+  const auto figures = json::parse(evaluate(words() + " --json"));
+  ASSERT_EQ(figures["scenes"][0]["lowest_above_table"].size(), 2u);
+  EXPECT_NEAR(figures["scenes"][0]["lowest_above_table"][0], 0.01 - 0.05, 1e-6);
+  EXPECT_MENTIONS(linesOf(evaluate(words())).at("s1"), "-40.0 to -40.0");
+
+  folder.write("results/s1.json",
+               json{{"objects", json::array({result("wedge", 0)})}, {"table", nullptr}}.dump());
+  EXPECT_MENTIONS(linesOf(evaluate(words())).at("s1"), "no table");
+}
+
 TEST_F(EvaluatePoses, complainsAboutBadResults) {
   EXPECT_MENTIONS(complaint(words()), "no result for any of the 1 scenes");
   folder.write("results/s1.json", "{\"objects\": [");
