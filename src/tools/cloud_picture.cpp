@@ -36,6 +36,7 @@ std::vector<ViewPoint> viewPoints(const PcdContents& contents) {
   const auto indices = validIndices(contents.cloud);
   const Eigen::Isometry3f T_sensor_data = contents.T_data_sensor.inverse().cast<float>();
   std::vector<ViewPoint> view;
+  view.reserve(indices.size());
   for (const int i : indices) view.push_back({i, T_sensor_data * contents.cloud.point(i)});
   if (view.empty()) return view;
 
@@ -78,9 +79,9 @@ PictureLayout scatter(const std::vector<ViewPoint>& view) {
   const std::size_t pixels = static_cast<std::size_t>(layout.width) * layout.height;
   layout.point.assign(pixels, -1);
 
-  // Dots that would cover the picture if they were spread evenly.
+  // Dots of twice the mean spacing: they cover the picture also where points are sparser.
   const double spacing = std::sqrt(static_cast<double>(pixels) / view.size());
-  const int reach = std::clamp(static_cast<int>(spacing / 2 + 0.5), 0, 4);
+  const int reach = std::clamp(static_cast<int>(std::lround(spacing)), 0, 4);
   std::vector<float> nearest(pixels, std::numeric_limits<float>::infinity());
   for (const auto& [i, at] : view) {
     const auto column = static_cast<int>(std::floor((at.x() - x.low) * scale));

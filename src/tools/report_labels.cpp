@@ -25,7 +25,7 @@ constexpr const char* STYLE =
     "h2 { margin-top: 2em; border-top: 2px solid #888; padding-top: 0.3em; }\n"
     ".pictures { display: flex; flex-wrap: wrap; gap: 0.5em; }\n"
     "figure { margin: 0; flex: 1 1 300px; max-width: 640px; }\n"
-    "img { width: 100%; height: auto; image-rendering: pixelated; }\n"
+    "img { width: 100%; height: auto; }\n"
     ".fault td { background: #fbe3e0; }\n"
     ".sample { display: inline-block; width: 1em; height: 1em; vertical-align: -0.1em; }\n";
 
