@@ -13,6 +13,12 @@ namespace tabletop_perception {
 /// method, O(n^3)). Per row its column, -1 for rows left over when there are fewer columns.
 std::vector<int> bestAssignment(const Eigen::MatrixXd& scores);
 
+/// Parts of the truth with fewer points are no objects.
+constexpr std::size_t MIN_PART_POINTS = 300;
+
+/// An object counts as found with an intersection over union of at least this.
+constexpr double FOUND_IOU = 0.75;
+
 /// How one object of the truth, or one part of it where its parts are read apart, came out.
 struct ObjectOverlap {
   std::uint32_t object = 0;        ///< 1 for the truth's labels 20..29, 2 for 30..39 ...

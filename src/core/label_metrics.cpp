@@ -14,8 +14,6 @@ using Label = std::uint32_t;
 
 constexpr Label FIRST_OBJECT = 20;  // of the truth
 constexpr Label FIRST_SEGMENT = 2;  // of the result
-constexpr std::size_t MIN_PART_POINTS = 300;
-constexpr double FOUND_IOU = 0.75;
 
 bool isTableTruth(Label truth) { return truth >= 1 && truth <= 9; }
 

@@ -14,8 +14,9 @@
 namespace tabletop_perception::tools {
 
 /// Compares results as `segment --output` writes them with PCDs that have a truth in `label`.
+/// `report`: the folder of an HTML page with pictures; empty: none.
 void evaluateLabels(const std::filesystem::path& truth, const std::filesystem::path& results,
-                    bool json);
+                    bool json, const std::filesystem::path& report);
 
 /// Compares results as `recognize --output` writes them with folders that have a gt.json.
 void evaluatePoses(const std::filesystem::path& truth, const std::filesystem::path& models,

@@ -1,26 +1,64 @@
+#include "evaluate_labels.h"
+
 #include <algorithm>
 #include <cstdio>
+#include <map>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
 #include "evaluate.h"
-#include "tabletop_perception/label_metrics.h"
-#include "tabletop_perception/pcd.h"
+#include "report_labels.h"
 
 namespace tabletop_perception::tools {
 namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
-namespace {
+PcdContents readLabels(const fs::path& file) {
+  auto contents = readPcd(file);
+  if (contents.labels.empty())
+    throw std::invalid_argument(file.string() + " must have a field `label`, it has none");
+  return contents;
+}
 
-/// A scene of the truth, and how its result came out.
-struct LabelledScene {
-  std::string name;
-  std::string category;
-  fs::path truth;
-  bool has_result = false;
-  LabelScore score;
-};
+std::vector<std::string> categoriesOf(const std::vector<LabelledScene>& scenes) {
+  std::vector<std::string> categories;
+  for (const auto& scene : scenes)
+    if (std::find(categories.begin(), categories.end(), scene.category) == categories.end())
+      categories.push_back(scene.category);
+  return categories;
+}
+
+LabelSummary summaryOf(const std::vector<LabelledScene>& scenes, const std::string& category) {
+  std::vector<LabelScore> scores;
+  for (const auto& scene : scenes)
+    if (category.empty() || scene.category == category) scores.push_back(scene.score);
+  return summarize(scores);
+}
+
+std::vector<std::string> figureHeads() {
+  return {"[%]",   "F",     "prec",    "recall", "found",   "IoU75",
+          "table", "worst", "F whole", "IoU75",  "F parts", "IoU75"};
+}
+
+std::vector<std::string> figureRow(const std::string& name, const LabelSummary& summary) {
+  const auto& best = summary.best;
+  const auto percent = [](std::optional<double> share) { return formatted(share, 100, 1); };
+  return {name,
+          percent(best.f),
+          percent(best.precision),
+          percent(best.recall),
+          std::to_string(best.found) + "/" + std::to_string(best.objects),
+          percent(best.foundShare()),
+          percent(summary.table_iou),
+          percent(summary.worst_table_iou),
+          percent(summary.whole.f),
+          percent(summary.whole.foundShare()),
+          percent(summary.parts.f),
+          percent(summary.parts.foundShare())};
+}
+
+namespace {
 
 using Categories = std::vector<std::pair<std::string, std::string>>;
 
@@ -37,12 +75,26 @@ Categories readCategories(const fs::path& truth) {
   return categories;
 }
 
+/// The .pcd files of a folder by name.
+std::map<std::string, fs::path> pcdFiles(const fs::path& folder) {
+  std::map<std::string, fs::path> files;
+  for (const auto& entry : fs::directory_iterator(folder))
+    if (entry.path().extension() == ".pcd") files[entry.path().stem()] = entry.path();
+  return files;
+}
+
+/// The results of scenes that are not among `names`.
+std::map<std::string, fs::path> resultsWithoutTruth(const fs::path& results,
+                                                    const std::vector<std::string>& names) {
+  auto files = pcdFiles(results);
+  for (const auto& name : names) files.erase(name);
+  return files;
+}
+
 /// The scenes of a folder, in the order of gt_summary.json, then by name.
 std::vector<LabelledScene> listScenes(const fs::path& truth) {
   checkFolder(truth, "--labels");
-  std::map<std::string, fs::path> files;
-  for (const auto& entry : fs::directory_iterator(truth))
-    if (entry.path().extension() == ".pcd") files[entry.path().stem()] = entry.path();
+  auto files = pcdFiles(truth);
   if (files.empty())
     throw std::invalid_argument("--labels must be a folder of .pcd files, there is none in " +
                                 truth.string());
@@ -52,19 +104,12 @@ std::vector<LabelledScene> listScenes(const fs::path& truth) {
   for (const auto& [name, category] : categories) {
     const auto file = files.find(name);
     if (file == files.end()) continue;
-    scenes.push_back({name, category, file->second, false, {}});
+    scenes.push_back({name, category, file->second, {}, {}});
     files.erase(file);
   }
   for (const auto& [name, file] : files)
-    scenes.push_back({name, categories.empty() ? "all" : "other", file, false, {}});
+    scenes.push_back({name, categories.empty() ? "all" : "other", file, {}, {}});
   return scenes;
-}
-
-PcdContents readLabels(const fs::path& file) {
-  auto contents = readPcd(file);
-  if (contents.labels.empty())
-    throw std::invalid_argument(file.string() + " must have a field `label`, it has none");
-  return contents;
 }
 
 std::string sizeOf(const Cloud& cloud) {
@@ -84,51 +129,18 @@ LabelScore scoreWithoutResult(const fs::path& truth_file) {
   return scoreLabels(truth, std::vector<std::uint32_t>(truth.size(), 0));
 }
 
-std::vector<std::string> categoriesOf(const std::vector<LabelledScene>& scenes) {
-  std::vector<std::string> categories;
-  for (const auto& scene : scenes)
-    if (std::find(categories.begin(), categories.end(), scene.category) == categories.end())
-      categories.push_back(scene.category);
-  return categories;
-}
-
-/// Over the scenes of a category; of all with an empty name.
-LabelSummary summaryOf(const std::vector<LabelledScene>& scenes, const std::string& category) {
-  std::vector<LabelScore> scores;
-  for (const auto& scene : scenes)
-    if (category.empty() || scene.category == category) scores.push_back(scene.score);
-  return summarize(scores);
-}
-
-std::vector<std::string> rowOf(const std::string& name, const LabelSummary& summary) {
-  const auto& best = summary.best;
-  const auto percent = [](std::optional<double> share) { return formatted(share, 100, 1); };
-  return {name,
-          percent(best.f),
-          percent(best.precision),
-          percent(best.recall),
-          std::to_string(best.found) + "/" + std::to_string(best.objects),
-          percent(best.foundShare()),
-          percent(summary.table_iou),
-          percent(summary.worst_table_iou),
-          percent(summary.whole.f),
-          percent(summary.whole.foundShare()),
-          percent(summary.parts.f),
-          percent(summary.parts.foundShare())};
-}
-
 void printText(const std::vector<LabelledScene>& scenes) {
   std::vector<std::vector<std::string>> rows;
-  rows.push_back({"[%]", "F", "prec", "recall", "found", "IoU75", "table", "worst", "F whole",
-                  "IoU75", "F parts", "IoU75"});
-  for (const auto& scene : scenes) rows.push_back(rowOf(scene.name, summarize({scene.score})));
+  rows.push_back(figureHeads());
+  for (const auto& scene : scenes) rows.push_back(figureRow(scene.name, summarize({scene.score})));
   rows.emplace_back();
   for (const auto& category : categoriesOf(scenes)) {
     const auto summary = summaryOf(scenes, category);
-    rows.push_back(rowOf(category + " (" + std::to_string(summary.scenes) + ")", summary));
+    rows.push_back(figureRow(category + " (" + std::to_string(summary.scenes) + ")", summary));
   }
   rows.emplace_back();
-  rows.push_back(rowOf("all " + std::to_string(scenes.size()) + " scenes", summaryOf(scenes, "")));
+  rows.push_back(
+      figureRow("all " + std::to_string(scenes.size()) + " scenes", summaryOf(scenes, "")));
   printColumns(rows);
 }
 
@@ -159,7 +171,7 @@ ordered_json objectJson(const ObjectOverlap& object) {
 
 ordered_json sceneJson(const LabelledScene& scene) {
   ordered_json json = {
-      {"scene", scene.name}, {"category", scene.category}, {"has_result", scene.has_result}};
+      {"scene", scene.name}, {"category", scene.category}, {"has_result", !scene.result.empty()}};
   json.update(summaryJson(summarize({scene.score})));
   json["matches"] = ordered_json::array();
   for (const auto& object : scene.score.best.objects) json["matches"].push_back(objectJson(object));
@@ -181,18 +193,22 @@ void printJson(const std::vector<LabelledScene>& scenes) {
 
 }  // namespace
 
-void evaluateLabels(const fs::path& truth, const fs::path& results, bool json) {
+void evaluateLabels(const fs::path& truth, const fs::path& results, bool json,
+                    const fs::path& report) {
   auto scenes = listScenes(truth);
+  std::optional<LabelReport> page;
+  if (!report.empty()) page.emplace(report);
   std::vector<std::string> names;
   for (const auto& scene : scenes) names.push_back(scene.name);
   const auto result_files = findResults(results, names, ".pcd");
   for (auto& scene : scenes) {
     const auto result = result_files.find(scene.name);
-    scene.has_result = result != result_files.end();
-    scene.score = scene.has_result ? scoreFiles(scene.truth, result->second)
-                                   : scoreWithoutResult(scene.truth);
+    if (result != result_files.end()) scene.result = result->second;
+    scene.score = scene.result.empty() ? scoreWithoutResult(scene.truth)
+                                       : scoreFiles(scene.truth, scene.result);
   }
   json ? printJson(scenes) : printText(scenes);
+  if (page) page->write(scenes, resultsWithoutTruth(results, names));
 }
 
 }  // namespace tabletop_perception::tools
