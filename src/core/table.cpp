@@ -20,7 +20,7 @@ namespace tabletop_perception {
 namespace {
 
 constexpr int SAMPLE_SIZE = 1000;         // points that RANSAC looks at
-constexpr int NORMAL_SAMPLE_SIZE = 3000;  // points of an unorganised cloud that have normals
+constexpr int NORMAL_SAMPLE_SIZE = 1500;  // points of an unorganised cloud that have normals
 constexpr int COARSE_COLUMNS = 160;       // of the grid on which planes are connected
 constexpr double LEVEL_COSINE = 0.996;    // of 5 deg: pieces of one level tilt alike
 constexpr double COARSE_TILT_DEG = 2;     // of a plane on that grid from that of all points [deg]
@@ -276,7 +276,14 @@ struct NormalSample {
 
   explicit NormalSample(const Cloud& whole)
       : cloud(whole.organized() ? coarseGridOf(whole) : sampleOf(whole, NORMAL_SAMPLE_SIZE)),
-        normals(computeNormals(cloud, Eigen::Vector3f::Zero(), NormalsOptions())) {}
+        normals(computeNormals(cloud, Eigen::Vector3f::Zero(), normalsOptions())) {}
+
+ private:
+  static NormalsOptions normalsOptions() {
+    NormalsOptions options;
+    options.neighbors = 10;  // of a thin sample: more would reach beyond the surface
+    return options;
+  }
 };
 
 /// Planes of which several, alike in tilt and level, are one surface that things cut apart.
@@ -331,12 +338,13 @@ class TableSearch {
     Cloud sample = sampleOf(cloud_, SAMPLE_SIZE);
     const Cloud* looked_at = &cloud_;
     Cloud rest;  // what the planes before leave over: no point belongs to two
-    for (int i = 0; i < options_.max_planes && !done(); ++i) {
+    for (int i = 0; i < options_.max_planes; ++i) {
       // The first plane is drawn without regard to up: if no table is found, it is the reason.
       const auto drawn =
           drawPlane(sample, options_.distance, i == 0 ? std::nullopt : level, random);
       if (!drawn) break;
       const Eigen::Vector4d plane = lookAt(*looked_at, *drawn, options_.distance);
+      if (done()) break;
       rest = withoutPoints(*looked_at, pointsNearPlane(*looked_at, plane, options_.distance));
       looked_at = &rest;
       sample = withoutPlane(sample, plane, 1.5 * options_.distance);

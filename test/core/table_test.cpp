@@ -344,6 +344,19 @@ TEST(Table, NothingFoundHasItsReason) {
   EXPECT_LT(points, 500);
 }
 
+TEST(Table, IsFoundThroughTheNoiseOfAPoorCamera) {
+  scene::SceneOptions options;
+  options.noise = 0.008;
+  const auto scene = scene::threeObjects(options);
+  for (const std::string method : {"components", "ransac"}) {
+    TableOptions table_options;
+    table_options.method = method;
+    const auto table = findTable(scene.cloud, scene.up, table_options);
+    ASSERT_TRUE(table) << method << ": " << table.reason;
+    expectPlane(*table, scene.plane, 0.1, 0.001);
+  }
+}
+
 TEST(Table, AWallAFloorOrACeilingAloneIsNone) {
   scene::SceneOptions none_of_it;
   none_of_it.table_x = none_of_it.table_y = 0;
