@@ -45,7 +45,7 @@ std::vector<Plane> findPlanes(const Cloud& cloud, const Normals& normals,
 Plane mergedPlane(const Cloud& cloud, const Plane& a, const Plane& b);
 
 /// Of those of the given points that have a normal, the share whose normal is that of a plane to
-/// within 20 deg, whichever its sign; 0 when none has. What is cut out of a volume has few.
+/// within 15 deg, whichever its sign; 0 when none has. What is cut out of a volume has few.
 double normalAgreement(const Normals& normals, const Indices& points,
                        const Eigen::Vector3d& normal);
 

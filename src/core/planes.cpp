@@ -11,7 +11,7 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr double AGREEMENT_COSINE = 0.94;  // of 20 deg
+constexpr double AGREEMENT_COSINE = 0.966;  // of 15 deg
 
 /// Tells which points lie on one plane.
 class PlaneComparator {
