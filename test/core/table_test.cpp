@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <random>
 #include <string>
 #include <vector>
@@ -406,6 +407,27 @@ TEST(Table, IsNoCutThroughABall) {
       EXPECT_FALSE(unorganised);
       EXPECT_NE(unorganised.reason.find("of its normals agree"), std::string::npos)
           << unorganised.reason;
+    }
+}
+
+TEST(Table, AWrongUpDirectionGivesNone) {
+  const auto& scene = noisyScene();
+  const Cloud packed = selectPoints(scene.cloud, validIndices(scene.cloud));
+  TableOptions drawing;
+  drawing.method = "ransac";
+  for (const auto axis : {0, 1})
+    for (const double degrees : {-35, 35, 50}) {
+      const Eigen::Vector3d across = scene.T_camera_table.linear().col(axis);
+      const Eigen::Vector3d up = Eigen::AngleAxisd(degrees * DEG, across) * scene.up;
+      for (const auto& table :
+           {findTable(scene.cloud, up, TableOptions()), findTable(scene.cloud, up, drawing),
+            findTable(packed, up, TableOptions())}) {
+        EXPECT_FALSE(table) << degrees << " deg about axis " << axis;
+        char reason[100];
+        std::snprintf(reason, sizeof reason, "largest plane is %.0f deg from up, limit 20",
+                      std::abs(degrees));
+        EXPECT_EQ(table.reason, reason);
+      }
     }
 }
 
