@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -13,9 +14,12 @@
 namespace tabletop_perception {
 
 struct TableOptions {
-  double distance = 0.01;    ///< farthest a point of the table lies from its plane [m]
-  int min_points = 2000;     ///< least number of points on the table
-  int max_planes = 6;        ///< planes looked at, largest first
+  std::string method = "components";  ///< how planes are found: components, ransac; unorganised
+                                      ///< clouds: always ransac
+  double distance = 0.01;             ///< farthest a point of the table lies from its plane [m]
+  int min_points = 2000;              ///< least number of points on the table
+  int max_planes = 6;                 ///< planes looked at, largest first
+  double level_gap = 0.005;  ///< components: pieces of one level lie no farther apart in height [m]
   double max_tilt_deg = 20;  ///< with an up direction: largest angle of the normal from it [deg]
   bool use_height_band = false;  ///< with an up direction: only tables within the band below
   double min_table_height = -2;  ///< of the table along up, from the sensor [m]
@@ -28,9 +32,11 @@ struct TableOptions {
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
+    visit("method", method, Choices{{"components", "ransac"}});
     visit("distance", distance, Range{0.001, 0.1});
     visit("min_points", min_points, Range{10, 1e6});
     visit("max_planes", max_planes, Range{1, 20});
+    visit("level_gap", level_gap, Range{0, 0.1});
     visit("max_tilt_deg", max_tilt_deg, Range{0, 90});
     visit("use_height_band", use_height_band);
     visit("min_table_height", min_table_height, Range{-10, 10});
@@ -64,11 +70,17 @@ inline double heightAbove(const Table& table, const Eigen::Vector3f& point) {
 /// The hull's corners in the camera's frame [m].
 std::vector<Eigen::Vector3d> hullInCamera(const Table& table);
 
-/// The table: planes by RANSAC over a sample and least squares over all their points. `up`: unit
-/// direction against gravity in the cloud's frame, if it is known; then only planes within
-/// `max_tilt_deg` of it (and in the height band) count, and the largest that carries something
-/// wins. Without it, the largest that carries something; if none does, the largest, with the
-/// reason "nothing stands on it".
+/// The tables, the main one first. Planes by connected components of every few pixels' normals or
+/// by RANSAC over a sample; least squares over all their points. A plane that the normals of its
+/// points do not bear out is a cut through clutter and no table. `up`: unit direction against
+/// gravity in the cloud's frame, if it is known; then only planes seen from above, within
+/// `max_tilt_deg` of it (and in the height band) count. Those that carry something come largest
+/// first; if none does, the largest plane alone, with the reason "nothing stands on it". Never an
+/// empty vector.
+Found<std::vector<Table>> findTables(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
+                                     const TableOptions& options);
+
+/// The first of them, without looking for the others.
 Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                        const TableOptions& options);
 

@@ -6,17 +6,26 @@
 #include <cstdarg>
 #include <cstdint>
 #include <cstdio>
+#include <iterator>
 #include <random>
 
 #include <opencv2/imgproc.hpp>
 
 #include "convex_hull.h"
 #include "plane_fit.h"
+#include "tabletop_perception/normals.h"
+#include "tabletop_perception/planes.h"
 
 namespace tabletop_perception {
 namespace {
 
 constexpr int SAMPLE_SIZE = 1000;         // points that RANSAC looks at
+constexpr int NORMAL_SAMPLE_SIZE = 1500;  // points of an unorganised cloud that have normals
+constexpr int COARSE_COLUMNS = 160;       // of the grid on which planes are connected
+constexpr double LEVEL_COSINE = 0.996;    // of 5 deg: pieces of one level tilt alike
+constexpr double COARSE_TILT_DEG = 2;     // of a plane on that grid from that of all points [deg]
+constexpr double MAX_SHARED = 0.25;       // of a table's points with one before it
+constexpr double MIN_OTHER_SHARE = 0.25;  // of the main table's points, for another one
 constexpr double PATCH_CELL = 0.02;       // raster in which a patch of table is connected [m]
 constexpr int PATCH_GAP = 2;              // cells without points that a patch may span
 constexpr double MIN_PATCH_SHARE = 0.05;  // of the largest patch: smaller ones are chance
@@ -34,13 +43,24 @@ std::string format(const char* text, ...) {
   return line;
 }
 
-/// Points spread evenly over the cloud, in its order.
-Cloud sampleOf(const Cloud& cloud) {
+/// About `size` points spread evenly over the cloud, in its order.
+Cloud sampleOf(const Cloud& cloud, std::size_t size) {
   const Indices valid = validIndices(cloud);
-  const std::size_t step = std::max<std::size_t>(1, valid.size() / SAMPLE_SIZE);
+  const std::size_t step = std::max<std::size_t>(1, valid.size() / size);
   Indices sample;
   for (std::size_t i = step / 2; i < valid.size(); i += step) sample.push_back(valid[i]);
   return selectPoints(cloud, sample);
+}
+
+/// Every few pixels of an organised cloud, about COARSE_COLUMNS in a row.
+Cloud coarseGridOf(const Cloud& cloud) {
+  const int step = std::max(1, (cloud.width + COARSE_COLUMNS / 2) / COARSE_COLUMNS);
+  Cloud coarse((cloud.width + step - 1) / step, (cloud.height + step - 1) / step, false);
+  for (int row = 0; row < coarse.height; ++row)
+    for (int column = 0; column < coarse.width; ++column)
+      coarse.setPoint(row * coarse.width + column,
+                      cloud.point(row * step * cloud.width + column * step));
+  return coarse;
 }
 
 /// The points farther than `distance` from a plane.
@@ -56,7 +76,7 @@ Cloud withoutPlane(const Cloud& sample, const Eigen::Vector4d& plane, double dis
 Eigen::Vector3d forwardOf(const Cloud& sample) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (std::size_t i = 0; i < sample.size(); ++i)
-    sum += sample.point(i).cast<double>().normalized();
+    if (sample.valid(i)) sum += sample.point(i).cast<double>().normalized();
   return sum.norm() > 0 ? Eigen::Vector3d(sum.normalized()) : Eigen::Vector3d::UnitZ();
 }
 
@@ -147,11 +167,12 @@ std::vector<Eigen::Vector2f> outlineOf(const Cloud& cloud, const Indices& indice
   return outline;
 }
 
-/// The table on a plane that RANSAC drew: refitted to all its points, their patches outlined.
-Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& drawn,
+/// The table on a plane that was found: fitted again to all points within `reach` [m] of it, their
+/// patches outlined.
+Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double reach,
                           const Eigen::Vector3d& forward, const std::optional<Eigen::Vector3d>& up,
                           const TableOptions& options) {
-  auto fit = fitPlaneNear(cloud, drawn, options.distance);
+  auto fit = fitPlaneNear(cloud, plane, reach);
   // Table and the foot of what stands on it share the band of `distance`; within three standard
   // deviations the table is nearly alone.
   const double band =
@@ -183,18 +204,27 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& drawn,
   return table;
 }
 
-/// Why a plane cannot be the table; empty if it can.
-std::string refusal(const Table& table, const std::optional<Eigen::Vector3d>& up,
+/// Angle between a plane's normal and up [deg].
+double tiltOf(const Eigen::Vector4d& plane, const Eigen::Vector3d& up) {
+  return std::acos(std::clamp(plane.head<3>().dot(up), -1.0, 1.0)) * 180 / M_PI;
+}
+
+/// Why a plane cannot be the table; empty if it can. `agreement`: of its points' normals with it.
+std::string refusal(const Table& table, double agreement, const std::optional<Eigen::Vector3d>& up,
                     const TableOptions& options) {
   const int points = static_cast<int>(table.inliers.size());
   if (points < options.min_points)
     return format("largest plane has %d points, limit %d", points, options.min_points);
+  if (agreement < MIN_NORMAL_AGREEMENT)
+    return format("largest plane cuts through things: %.0f %% of its normals agree, limit %.0f",
+                  100 * agreement, 100 * MIN_NORMAL_AGREEMENT);
   if (!up) return "";
-  const double cosine = std::clamp(table.plane.head<3>().dot(*up), -1.0, 1.0);
-  const double tilt = std::acos(cosine) * 180 / M_PI;
+  const double tilt = tiltOf(table.plane, *up);
   if (tilt > options.max_tilt_deg)
     return format("largest plane is %.0f deg from up, limit %.0f", tilt, options.max_tilt_deg);
   const double height = table.T_camera_table.translation().dot(*up);
+  if (table.plane[3] < 0)
+    return format("largest level plane is at height %.2f m, seen from below", height);
   if (options.use_height_band &&
       (height < options.min_table_height || height > options.max_table_height))
     return format("largest level plane is at height %.2f m, limits %.2f to %.2f", height,
@@ -239,6 +269,163 @@ bool carriesSomething(const Cloud& cloud, const Table& table, const TableOptions
   return carried * CARRIED_STEP >= static_cast<std::size_t>(options.min_carried);
 }
 
+/// Some points of a cloud with their normals: enough to see where it is flat.
+struct NormalSample {
+  Cloud cloud;
+  Normals normals;
+
+  explicit NormalSample(const Cloud& whole)
+      : cloud(whole.organized() ? coarseGridOf(whole) : sampleOf(whole, NORMAL_SAMPLE_SIZE)),
+        normals(computeNormals(cloud, Eigen::Vector3f::Zero(), normalsOptions())) {}
+
+ private:
+  static NormalsOptions normalsOptions() {
+    NormalsOptions options;
+    options.neighbors = 10;  // of a thin sample: more would reach beyond the surface
+    return options;
+  }
+};
+
+/// Planes of which several, alike in tilt and level, are one surface that things cut apart.
+std::vector<Plane> levelsOf(const Cloud& cloud, const std::vector<Plane>& planes, double gap) {
+  std::vector<Plane> levels;
+  for (const auto& plane : planes) {
+    const auto same = std::find_if(levels.begin(), levels.end(), [&](const Plane& level) {
+      const Eigen::Vector3d normal = level.plane.head<3>();
+      return normal.dot(plane.plane.head<3>()) >= LEVEL_COSINE &&
+             std::abs(normal.dot(plane.centroid) + level.plane[3]) <= gap;
+    });
+    if (same == levels.end())
+      levels.push_back(plane);
+    else
+      *same = mergedPlane(cloud, *same, plane);
+  }
+  std::stable_sort(levels.begin(), levels.end(), [](const Plane& a, const Plane& b) {
+    return a.points.size() > b.points.size();
+  });
+  return levels;
+}
+
+/// Looks at planes, one after the other, and keeps those that are tables, or why none is.
+class TableSearch {
+ public:
+  TableSearch(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
+              const TableOptions& options, std::size_t most)
+      : cloud_(cloud),
+        up_(up),
+        options_(options),
+        most_(most),
+        sample_(cloud),
+        forward_(forwardOf(sample_.cloud)) {}
+
+  void amongComponents() {
+    const auto planes = findPlanes(sample_.cloud, sample_.normals, PlaneOptions());
+    int looked_at = 0;
+    for (const auto& level : levelsOf(sample_.cloud, planes, options_.level_gap)) {
+      if (looked_at == options_.max_planes || done()) return;
+      // The largest is looked at even if it cannot be a table: then it is the reason.
+      if (looked_at > 0 && !mayBeLevel(level.plane)) continue;
+      ++looked_at;
+      const double reach = std::clamp(3 * level.rms, options_.distance / 4, options_.distance);
+      lookAt(cloud_, level.plane, reach);
+    }
+  }
+
+  void byDrawing() {
+    std::optional<PlaneConstraint> level;
+    if (up_) level = PlaneConstraint{*up_, std::cos(options_.max_tilt_deg * M_PI / 180)};
+    std::mt19937 random(static_cast<std::uint32_t>(options_.seed));
+    Cloud sample = sampleOf(cloud_, SAMPLE_SIZE);
+    const Cloud* looked_at = &cloud_;
+    Cloud rest;  // what the planes before leave over: no point belongs to two
+    for (int i = 0; i < options_.max_planes; ++i) {
+      // The first plane is drawn without regard to up: if no table is found, it is the reason.
+      const auto drawn =
+          drawPlane(sample, options_.distance, i == 0 ? std::nullopt : level, random);
+      if (!drawn) break;
+      const Eigen::Vector4d plane = lookAt(*looked_at, *drawn, options_.distance);
+      if (done()) break;
+      rest = withoutPoints(*looked_at, pointsNearPlane(*looked_at, plane, options_.distance));
+      looked_at = &rest;
+      sample = withoutPlane(sample, plane, 1.5 * options_.distance);
+    }
+  }
+
+  Found<std::vector<Table>> result() && {
+    if (!tables_.empty()) return std::move(tables_);
+    if (!bare_) return Found<std::vector<Table>>::none(refusal_.empty() ? "no plane" : refusal_);
+    Found<std::vector<Table>> found({std::move(*bare_)});
+    found.reason = "nothing stands on it";
+    return found;
+  }
+
+ private:
+  bool done() const { return tables_.size() == most_; }
+
+  /// A coarse plane tilts a little otherwise than that of all points.
+  bool mayBeLevel(const Eigen::Vector4d& plane) const {
+    if (!up_) return true;
+    const double tilt = tiltOf(plane, *up_);
+    return std::min(tilt, 180 - tilt) <= options_.max_tilt_deg + COARSE_TILT_DEG;
+  }
+
+  /// Gives back the plane, fitted to all its points if they can be outlined.
+  Eigen::Vector4d lookAt(const Cloud& cloud, const Eigen::Vector4d& plane, double reach) {
+    auto table = tableOnPlane(cloud, plane, reach, forward_, up_, options_);
+    const std::string why =
+        table ? refusal(*table, agreementOf(*table), up_, options_) : table.reason;
+    const Eigen::Vector4d fitted = table ? table->plane : plane;
+    if (!why.empty()) {
+      if (refusal_.empty()) refusal_ = why;
+    } else if (carriesSomething(cloud_, *table, options_)) {
+      if (isAnother(*table)) tables_.push_back(std::move(*table.value));
+    } else if (!bare_) {
+      bare_ = std::move(table.value);
+    }
+    return fitted;
+  }
+
+  /// Not a piece of a table before, nor the lid of a thing on it.
+  bool isAnother(const Table& table) const {
+    const double points = static_cast<double>(table.inliers.size());
+    if (!tables_.empty() && points < MIN_OTHER_SHARE * tables_.front().inliers.size()) return false;
+    return std::none_of(tables_.begin(), tables_.end(), [&](const Table& before) {
+      Indices shared;
+      std::set_intersection(before.inliers.begin(), before.inliers.end(), table.inliers.begin(),
+                            table.inliers.end(), std::back_inserter(shared));
+      return shared.size() > MAX_SHARED * points;
+    });
+  }
+
+  double agreementOf(const Table& table) const {
+    const Indices near = pointsNearPlane(sample_.cloud, table.plane, options_.distance);
+    return normalAgreement(sample_.normals, near, table.plane.head<3>());
+  }
+
+  const Cloud& cloud_;
+  const std::optional<Eigen::Vector3d>& up_;
+  const TableOptions& options_;
+  std::size_t most_;
+  NormalSample sample_;
+  Eigen::Vector3d forward_;
+  std::vector<Table> tables_;
+  std::optional<Table> bare_;  // the largest that carries nothing
+  std::string refusal_;        // of the largest
+};
+
+Found<std::vector<Table>> tablesOf(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
+                                   const TableOptions& options, std::size_t most) {
+  checkOptions("table", options);
+  if (std::all_of(cloud.x.begin(), cloud.x.end(), [](float x) { return std::isnan(x); }))
+    return Found<std::vector<Table>>::none("the cloud has no valid point");
+  TableSearch search(cloud, up, options, most);
+  if (options.method == "components" && cloud.organized())
+    search.amongComponents();
+  else
+    search.byDrawing();
+  return std::move(search).result();
+}
+
 }  // namespace
 
 std::vector<Eigen::Vector3d> hullInCamera(const Table& table) {
@@ -248,43 +435,18 @@ std::vector<Eigen::Vector3d> hullInCamera(const Table& table) {
   return corners;
 }
 
+Found<std::vector<Table>> findTables(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
+                                     const TableOptions& options) {
+  return tablesOf(cloud, up, options, options.max_planes);
+}
+
 Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                        const TableOptions& options) {
-  checkOptions("table", options);
-  Cloud sample = sampleOf(cloud);
-  if (sample.empty()) return Found<Table>::none("the cloud has no valid point");
-  const Eigen::Vector3d forward = forwardOf(sample);
-  std::optional<PlaneConstraint> level;
-  if (up) level = PlaneConstraint{*up, std::cos(options.max_tilt_deg * M_PI / 180)};
-  std::mt19937 random(static_cast<std::uint32_t>(options.seed));
-
-  std::string first_refusal;
-  std::optional<Table> bare;
-  const Cloud* looked_at = &cloud;
-  Cloud rest;  // what the planes before leave over: no point belongs to two
-  for (int i = 0; i < options.max_planes; ++i) {
-    // The first plane is drawn without regard to up: if no table is found, it is the reason.
-    const auto drawn = drawPlane(sample, options.distance, i == 0 ? std::nullopt : level, random);
-    if (!drawn) break;
-    auto table = tableOnPlane(*looked_at, *drawn, forward, up, options);
-    const std::string why = table ? refusal(*table, up, options) : table.reason;
-    if (why.empty()) {
-      if (carriesSomething(cloud, *table, options)) return table;
-      if (!bare) bare = table.value;
-    } else if (first_refusal.empty()) {
-      first_refusal = why;
-    }
-    const Eigen::Vector4d& plane = table ? table->plane : *drawn;
-    rest = withoutPoints(*looked_at, pointsNearPlane(*looked_at, plane, options.distance));
-    looked_at = &rest;
-    sample = withoutPlane(sample, plane, 1.5 * options.distance);
-  }
-  if (bare) {
-    Found<Table> found(*bare);
-    found.reason = "nothing stands on it";
-    return found;
-  }
-  return Found<Table>::none(first_refusal.empty() ? "no plane" : first_refusal);
+  auto tables = tablesOf(cloud, up, options, 1);
+  if (!tables) return Found<Table>::none(tables.reason);
+  Found<Table> found(std::move(tables.value->front()));
+  found.reason = tables.reason;
+  return found;
 }
 
 Cloud pointsOnTable(const Cloud& cloud, const Table& table, const TableOptions& options) {
