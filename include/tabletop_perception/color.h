@@ -48,7 +48,7 @@ std::vector<Indices> colorClusters(const Cloud& cloud, const std::vector<Indices
 std::vector<Indices> mergeByColor(const Cloud& cloud, const std::vector<Indices>& clusters,
                                   const ColorOptions& options);
 
-/// Divides each cluster that holds the centers of several color clusters: these grow evenly over
+/// Divides each cluster that holds the centres of several color clusters: these grow evenly over
 /// its pixels until they meet; what they do not reach goes to the largest. Largest first; clusters
 /// come back as they are where nothing is cut, without color or grid, and with the switch off.
 std::vector<Indices> splitByColor(const Cloud& cloud, const std::vector<Indices>& clusters,

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 
 #include "union_find.h"
 
@@ -15,7 +14,7 @@ namespace {
 struct Chroma {
   float x = 0, y = 0;    ///< unit vector at the angle of the hue: red wraps around by itself
   float saturation = 0;  ///< 0 to 1
-  bool gray = true;      ///< x and y mean nothing
+  bool grey = true;      ///< x and y mean nothing
 };
 
 Chroma chromaOf(std::uint32_t rgb, const ColorOptions& options) {
@@ -24,8 +23,8 @@ Chroma chromaOf(std::uint32_t rgb, const ColorOptions& options) {
   const auto least = static_cast<float>(std::min({r, g, b}));
   Chroma chroma;
   chroma.saturation = most > 0 ? (most - least) / most : 0;
-  chroma.gray = chroma.saturation < options.min_saturation || most < 255 * options.min_value;
-  if (chroma.gray) return chroma;
+  chroma.grey = chroma.saturation < options.min_saturation || most < 255 * options.min_value;
+  if (chroma.grey) return chroma;
   const float x = static_cast<float>(2 * r - g - b),
               y = std::sqrt(3.0f) * static_cast<float>(g - b);
   const float norm = std::sqrt(x * x + y * y);
@@ -45,6 +44,7 @@ struct ColorSum {
   }
 };
 
+/// Patches of pixels side by side, each with its mean color.
 class ColorPatches {
  public:
   ColorPatches(std::size_t most, const ColorOptions& options)
@@ -57,7 +57,7 @@ class ColorPatches {
     return static_cast<int>(sums_.size()) - 1;
   }
 
-  /// Whether two colors are alike. The mean of hues is the direction of their sum.
+  /// Whether a color is near the mean of a patch. The mean of hues is the direction of their sum.
   bool alike(int patch, const ColorSum& color) {
     const ColorSum& mean = sums_[sets_.root(patch)];
     const double lengths =
@@ -162,7 +162,7 @@ std::vector<Indices> colorClusters(const Cloud& cloud, const std::vector<Indices
   for (int i = 0; i < static_cast<int>(cloud.size()); ++i) {
     if (cluster_of[i] < 0) continue;
     const Chroma chroma = chromaOf(cloud.rgb[i], options);
-    if (chroma.gray) continue;
+    if (chroma.grey) continue;
     const ColorSum pixel{chroma.x, chroma.y, chroma.saturation, 1};
     const auto fits = [&](int j) {
       return patch_of[j] >= 0 && (cloud.point(i) - cloud.point(j)).squaredNorm() <= squared_gap &&

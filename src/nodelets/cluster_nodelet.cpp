@@ -10,8 +10,8 @@
 namespace tabletop_perception {
 
 /// `~input` PointCloud2 of what stands on the table -> `~clusters`, the same cloud with a `label`
-/// field: 0 for nothing, 2 and up for one thing each. The options of split and
-/// color live in the namespaces `split` and `color` beside this one.
+/// field: 0 for nothing, 2 and up for one thing each. The options of split and color
+/// live in the namespaces `split` and `color` beside this one.
 class ClusterNodelet : public StageNodelet {
   void start() override {
     serveOptions<ClusterConfig>(getPrivateNodeHandle(), options_.cluster);

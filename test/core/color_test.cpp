@@ -10,13 +10,14 @@
 
 #include "scene.h"
 #include "tabletop_perception/cluster.h"
+#include "tabletop_perception/pipeline.h"
 #include "tabletop_perception/split.h"
 
 using namespace tabletop_perception;
 
 namespace {
 
-constexpr std::uint32_t RED = 0xC03030, BLUE = 0x3030C0, GRAY = 0x909090;
+constexpr std::uint32_t RED = 0xC03030, BLUE = 0x3030C0, GREY = 0x909090;
 
 ColorOptions merging() {
   ColorOptions options;
@@ -112,13 +113,13 @@ TEST(Color, ThingsOfOneColorFartherApartThanTheGapStayTwo) {
   EXPECT_EQ(mergeByColor(bowl.cloud, bowl.clusters, near), bowl.clusters);
 }
 
-TEST(Color, GrayNeitherJoinsNorCuts) {
-  const auto bowl = frontAndBack(GRAY, GRAY);
+TEST(Color, GreyNeitherJoinsNorCuts) {
+  const auto bowl = frontAndBack(GREY, GREY);
   EXPECT_TRUE(colorClusters(bowl.cloud, bowl.clusters, merging()).empty());
   EXPECT_EQ(mergeByColor(bowl.cloud, bowl.clusters, merging()), bowl.clusters);
-  const auto boxes = flushBoxes(GRAY, 0x303030);
+  const auto boxes = flushBoxes(GREY, 0x303030);
   EXPECT_EQ(splitByColor(boxes.cloud, boxes.clusters, splitting()), boxes.clusters);
-  const auto half = flushBoxes(GRAY, RED);
+  const auto half = flushBoxes(GREY, RED);
   EXPECT_EQ(splitByColor(half.cloud, half.clusters, splitting()), half.clusters);
 }
 
@@ -182,6 +183,18 @@ TEST(Color, WithoutColorWithoutAGridOrSwitchedOffNothingChanges) {
     EXPECT_EQ(colorCorrected(packed, one, all), one);
   }
   EXPECT_TRUE(colorCorrected(boxes.cloud, {}, all).empty());
+}
+
+TEST(Color, TheSegmentationUsesItWhereWantedAndPossible) {
+  const auto boxes = flushBoxes(RED, BLUE);
+  PipelineOptions plain, colored;
+  colored.color = splitting();
+  const auto without = segmentScene(boxes.scene.cloud, boxes.scene.up, plain).clusters;
+  EXPECT_EQ(without.size(), 1u);
+  EXPECT_EQ(segmentScene(boxes.scene.cloud, boxes.scene.up, colored).clusters.size(), 2u);
+  Cloud colorless = boxes.scene.cloud;
+  colorless.rgb.clear();
+  EXPECT_EQ(segmentScene(colorless, boxes.scene.up, colored).clusters, without);
 }
 
 TEST(Color, OptionsOutOfRangeAreRefused) {
