@@ -17,7 +17,7 @@ using namespace tabletop_perception;
 
 namespace {
 
-constexpr std::uint32_t RED = 0xC03030, BLUE = 0x3030C0, GREY = 0x909090;
+constexpr std::uint32_t RED = 0xC03030, BLUE = 0x3030C0, GREY = 0x908C88;  // grey with a tint
 
 ColorOptions merging() {
   ColorOptions options;
@@ -117,7 +117,7 @@ TEST(Color, GreyNeitherJoinsNorCuts) {
   const auto bowl = frontAndBack(GREY, GREY);
   EXPECT_TRUE(colorClusters(bowl.cloud, bowl.clusters, merging()).empty());
   EXPECT_EQ(mergeByColor(bowl.cloud, bowl.clusters, merging()), bowl.clusters);
-  const auto boxes = flushBoxes(GREY, 0x303030);
+  const auto boxes = flushBoxes(GREY, 0x303034);
   EXPECT_EQ(splitByColor(boxes.cloud, boxes.clusters, splitting()), boxes.clusters);
   const auto half = flushBoxes(GREY, RED);
   EXPECT_EQ(splitByColor(half.cloud, half.clusters, splitting()), half.clusters);
