@@ -10,6 +10,7 @@
 
 #include "tabletop_perception/cloud.h"
 #include "tabletop_perception/cluster.h"
+#include "tabletop_perception/color.h"
 #include "tabletop_perception/filter.h"
 #include "tabletop_perception/match.h"
 #include "tabletop_perception/model_index.h"
@@ -26,6 +27,7 @@ struct PipelineOptions {
   TableOptions table;
   ClusterOptions cluster;
   SplitOptions split;
+  ColorOptions color;
   MatchOptions match;
   RefineOptions refine;
   VerifyOptions verify;
@@ -37,6 +39,7 @@ struct PipelineOptions {
     visit("table", table);
     visit("cluster", cluster);
     visit("split", split);
+    visit("color", color);
     visit("match", match);
     visit("refine", refine);
     visit("verify", verify);

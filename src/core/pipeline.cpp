@@ -182,6 +182,8 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
   watch.lap("cluster");
   result.clusters = splitClusters(standing, result.clusters, options.split);
   watch.lap("split");
+  result.clusters = colorCorrected(standing, result.clusters, options.color);
+  watch.lap("color");
   if (result.clusters.empty() && result.reason.empty()) result.reason = "nothing stands on it";
   return result;
 }

@@ -3,18 +3,20 @@
 #include "conversions.h"
 #include "stage_nodelet.h"
 #include "tabletop_perception/ClusterConfig.h"
+#include "tabletop_perception/ColorConfig.h"
 #include "tabletop_perception/SplitConfig.h"
 #include "tabletop_perception/pipeline.h"
 
 namespace tabletop_perception {
 
 /// `~input` PointCloud2 of what stands on the table -> `~clusters`, the same cloud with a `label`
-/// field: 0 for nothing, 2 and up for one thing each. The options of split live in the namespace
-/// `split` beside this one.
+/// field: 0 for nothing, 2 and up for one thing each. The options of split and color
+/// live in the namespaces `split` and `color` beside this one.
 class ClusterNodelet : public StageNodelet {
   void start() override {
     serveOptions<ClusterConfig>(getPrivateNodeHandle(), options_.cluster);
     serveOptions<SplitConfig>(ros::NodeHandle(getNodeHandle(), "split"), options_.split);
+    serveOptions<ColorConfig>(ros::NodeHandle(getNodeHandle(), "color"), options_.color);
     clusters_pub_ = advertise<sensor_msgs::PointCloud2>("clusters");
   }
 
@@ -28,14 +30,15 @@ class ClusterNodelet : public StageNodelet {
   void onCloud(const sensor_msgs::PointCloud2ConstPtr& message) {
     attempt([&] {
       const Cloud cloud = cloudFromMessage(*message);
-      const auto clusters =
+      const auto parts =
           splitClusters(cloud, extractClusters(cloud, options_.cluster), options_.split);
+      const auto clusters = colorCorrected(cloud, parts, options_.color);
       const auto labels = labelsOf(cloud.size(), {}, clusters);
       clusters_pub_.publish(messageFromCloud(cloud, message->header, &labels));
     });
   }
 
-  PipelineOptions options_;  ///< cluster and split count
+  PipelineOptions options_;  ///< cluster, split and color count
   ros::Publisher clusters_pub_;
   ros::Subscriber input_sub_;
 };

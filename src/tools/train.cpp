@@ -94,6 +94,7 @@ std::vector<std::string> viewFilesIn(const std::string& folder) {
 TrainingView loneObject(const Scene& scene, const std::optional<Eigen::Vector3d>& up,
                         PipelineOptions options) {
   options.split.enabled = false;  // what stands alone is one thing, hollows or not
+  options.color.split = false;
   const auto segmentation = segmentScene(scene.cloud, up, options);
   if (segmentation.clusters.empty())
     throw std::invalid_argument(scene.name + ": nothing to learn: " + segmentation.reason);

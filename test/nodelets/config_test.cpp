@@ -10,6 +10,7 @@
 #include "marker_options.h"
 #include "options_ros.h"
 #include "tabletop_perception/ClusterConfig.h"
+#include "tabletop_perception/ColorConfig.h"
 #include "tabletop_perception/FilterConfig.h"
 #include "tabletop_perception/MarkersConfig.h"
 #include "tabletop_perception/MatchConfig.h"
@@ -112,6 +113,7 @@ TEST(Config, clusterHasTheOptionsOfItsStruct) { expectSameFields<ClusterConfig, 
 TEST(Config, matchHasTheOptionsOfItsStruct) { expectSameFields<MatchConfig, MatchOptions>(); }
 TEST(Config, refineHasTheOptionsOfItsStruct) { expectSameFields<RefineConfig, RefineOptions>(); }
 TEST(Config, splitHasTheOptionsOfItsStruct) { expectSameFields<SplitConfig, SplitOptions>(); }
+TEST(Config, colorHasTheOptionsOfItsStruct) { expectSameFields<ColorConfig, ColorOptions>(); }
 TEST(Config, verifyHasTheOptionsOfItsStruct) { expectSameFields<VerifyConfig, VerifyOptions>(); }
 TEST(Config, markersHaveTheOptionsOfTheirStruct) {
   expectSameFields<MarkersConfig, MarkerOptions>();
