@@ -11,7 +11,7 @@
 namespace tabletop_perception {
 
 struct NormalsOptions {
-  int window = 5;              ///< organised: side of the square window of neighbours, in steps
+  int window = 7;              ///< organised: side of the square window of neighbours, in steps
                                ///< (odd)
   int step = 2;                ///< organised: every step-th pixel gets a normal of its own, from as
                                ///< sparse a window; those between share one with the nearest of
