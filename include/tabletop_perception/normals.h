@@ -13,8 +13,9 @@ namespace tabletop_perception {
 struct NormalsOptions {
   int window = 7;              ///< organised: side of the square window of neighbours, in steps
                                ///< (odd)
-  int step = 1;                ///< organised: every step-th pixel has a normal, from as sparse a
-                               ///< window; the others have none [pixels]
+  int step = 2;                ///< organised: every step-th pixel gets a normal of its own, from as
+                               ///< sparse a window; those between share one with the nearest of
+                               ///< these on the same surface [pixels]
   double depth_change = 0.02;  ///< organised: neighbours that differ more in range do not count;
                                ///< share of the range
   int neighbors = 20;          ///< unorganised: nearest neighbours looked at

@@ -12,10 +12,13 @@ Cloud::Cloud(int width, int height, bool colored) : width(width), height(height)
 }
 
 Indices validIndices(const Cloud& cloud) {
-  Indices valid;
-  valid.reserve(cloud.size());
-  for (std::size_t i = 0; i < cloud.size(); ++i)
-    if (cloud.valid(i)) valid.push_back(static_cast<int>(i));
+  Indices valid(cloud.size());
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    valid[count] = static_cast<int>(i);  // kept only if the next line counts it
+    count += cloud.valid(i);
+  }
+  valid.resize(count);
   return valid;
 }
 

@@ -3,91 +3,113 @@
 #include <algorithm>
 #include <stdexcept>
 #include <string>
-#include <unordered_map>
 
 #include "tabletop_perception/kd_tree.h"
 #include "union_find.h"
-#include "voxel_key.h"
+#include "voxel_numbers.h"
 
 namespace tabletop_perception {
 namespace {
 
-/// Joins each pixel with the last point before it in its row and in its column. Pixels without a
-/// point lie between where the gap in space is small enough: holes are bridged by metres.
-UnionFind joinOverGrid(const Cloud& cloud, float squared_tolerance) {
-  UnionFind sets(cloud.size());
+/// Joins each of the points at `pixels` of an organised cloud with the last before it in its row
+/// and in its column. Pixels without a point lie between where the gap in space is small enough:
+/// holes are bridged by metres.
+UnionFind joinOverGrid(const Cloud& points, const Indices& pixels, int width,
+                       float squared_tolerance) {
+  UnionFind sets(points.size());
   const auto joinIfNear = [&](int i, int j) {
-    if (j >= 0 && (cloud.point(i) - cloud.point(j)).squaredNorm() <= squared_tolerance)
+    if (j >= 0 && (points.point(i) - points.point(j)).squaredNorm() <= squared_tolerance)
       sets.join(i, j);
   };
-  std::vector<int> above(cloud.width, -1);  // the last point in each column
-  for (int row = 0; row < cloud.height; ++row) {
-    int left = -1;
-    for (int column = 0; column < cloud.width; ++column) {
-      const int i = row * cloud.width + column;
-      if (!cloud.valid(i)) continue;
-      joinIfNear(i, left);
-      joinIfNear(i, above[column]);
-      left = above[column] = i;
-    }
+  std::vector<int> above(width, -1);  // the last point in each column
+  int row_begin = -width;
+  for (int i = 0; i < static_cast<int>(points.size()); ++i) {
+    const bool same_row = pixels[i] < row_begin + width;
+    if (same_row)
+      joinIfNear(i, i - 1);
+    else
+      row_begin = pixels[i] / width * width;
+    const int column = pixels[i] - row_begin;
+    joinIfNear(i, above[column]);
+    above[column] = i;
   }
   return sets;
 }
 
-/// Points of one set in one cube.
+/// Points of one set in one cube, chained.
 struct Part {
-  int root;  ///< names the set
-  Indices points;
+  int root;   ///< names the set
+  int first;  ///< its point
+  int next;   ///< part of the same cube; -1: none
 };
-using Cubes = std::unordered_map<VoxelKey, std::vector<Part>, VoxelKeyHash>;
 
-/// The points by cubes as large as the tolerance: what is near lies in neighbouring cubes.
-Cubes partsByCube(const Cloud& cloud, double tolerance, UnionFind& sets) {
-  Cubes cubes;
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    if (!cloud.valid(i)) continue;
-    const int root = sets.root(static_cast<int>(i));
-    auto& parts = cubes[VoxelKey::of(cloud.point(i), 1.0 / tolerance)];
-    auto part = std::find_if(parts.begin(), parts.end(),
-                             [=](const Part& other) { return other.root == root; });
-    if (part == parts.end()) part = parts.insert(part, {root, {}});
-    part->points.push_back(static_cast<int>(i));
+/// Points by cubes as large as the tolerance, in each by sets: what is near lies in neighbouring
+/// cubes.
+struct PartsByCube {
+  VoxelNumbers cubes;
+  std::vector<int> first_part;  ///< by cube
+  std::vector<Part> parts;
+  std::vector<int> next_point;  ///< of the same part, by point; -1: none
+
+  PartsByCube(const Cloud& points, double tolerance, UnionFind& sets) : next_point(points.size()) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const int cube = cubes.numberOf(VoxelKey::of(points.point(i), 1.0 / tolerance));
+      if (cube == static_cast<int>(first_part.size())) first_part.push_back(-1);
+      Part& part = parts[partOf(cube, sets.root(static_cast<int>(i)))];
+      next_point[i] = part.first;
+      part.first = static_cast<int>(i);
+    }
   }
-  return cubes;
-}
 
-bool touch(const Cloud& cloud, const Part& a, const Part& b, float squared_tolerance) {
-  for (const int i : a.points)
-    for (const int j : b.points)
-      if ((cloud.point(i) - cloud.point(j)).squaredNorm() <= squared_tolerance) return true;
+ private:
+  int partOf(int cube, int root) {
+    for (int part = first_part[cube]; part >= 0; part = parts[part].next)
+      if (parts[part].root == root) return part;
+    parts.push_back({root, -1, first_part[cube]});
+    return first_part[cube] = static_cast<int>(parts.size()) - 1;
+  }
+};
+
+bool touch(const Cloud& points, const PartsByCube& grid, const Part& a, const Part& b,
+           float squared_tolerance) {
+  for (int i = a.first; i >= 0; i = grid.next_point[i])
+    for (int j = b.first; j >= 0; j = grid.next_point[j])
+      if ((points.point(i) - points.point(j)).squaredNorm() <= squared_tolerance) return true;
   return false;
 }
 
 /// Joins sets that are near in space though not along the grid's rows and columns: an object that
 /// hides a strip of itself is seen in two pieces.
-void joinAcrossSteps(const Cloud& cloud, double tolerance, UnionFind& sets) {
+void joinAcrossSteps(const Cloud& points, double tolerance, UnionFind& sets) {
   const auto squared_tolerance = static_cast<float>(tolerance * tolerance);
-  const Cubes cubes = partsByCube(cloud, tolerance, sets);
-  for (const auto& [key, parts] : cubes)
+  const PartsByCube grid(points, tolerance, sets);
+  const auto joinParts = [&](int cube, int other) {
+    for (int a = grid.first_part[cube]; a >= 0; a = grid.parts[a].next)
+      for (int b = grid.first_part[other]; b >= 0; b = grid.parts[b].next) {
+        const Part &one = grid.parts[a], &two = grid.parts[b];
+        if (sets.root(one.root) != sets.root(two.root) &&
+            touch(points, grid, one, two, squared_tolerance))
+          sets.join(one.root, two.root);
+      }
+  };
+  for (int cube = 0; cube < grid.cubes.size(); ++cube) {
+    const VoxelKey key = grid.cubes.key(cube);
     for (int n = 0; n < 14; ++n) {  // half of the cubes around it, and itself
-      const auto near = cubes.find({key.x + n % 3 - 1, key.y + n / 3 % 3 - 1, key.z + n / 9 - 1});
-      if (near == cubes.end()) continue;
-      for (const Part& a : parts)
-        for (const Part& b : near->second)
-          if (sets.root(a.root) != sets.root(b.root) && touch(cloud, a, b, squared_tolerance))
-            sets.join(a.root, b.root);
+      const int other =
+          grid.cubes.find({key.x + n % 3 - 1, key.y + n / 3 % 3 - 1, key.z + n / 9 - 1});
+      if (other >= 0) joinParts(cube, other);
     }
+  }
 }
 
 /// Joins every point with all others within the tolerance.
-UnionFind joinThroughTree(const Cloud& cloud, double tolerance) {
-  UnionFind sets(cloud.size());
-  const Indices valid = validIndices(cloud);
-  const KdTree tree(pointsAt(cloud, valid));
+UnionFind joinThroughTree(const Cloud& points, double tolerance) {
+  UnionFind sets(points.size());
+  const KdTree tree(pointsAt(points, validIndices(points)));
   std::vector<KdTree::Neighbor> within;
-  for (const int i : valid) {
-    tree.within(cloud.point(i), tolerance, within);
-    for (const auto& neighbor : within) sets.join(i, valid[neighbor.index]);
+  for (int i = 0; i < static_cast<int>(points.size()); ++i) {
+    tree.within(points.point(i), tolerance, within);
+    for (const auto& neighbor : within) sets.join(i, neighbor.index);
   }
   return sets;
 }
@@ -96,25 +118,26 @@ UnionFind joinThroughTree(const Cloud& cloud, double tolerance) {
 
 std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& options) {
   checkOptions("cluster", options);
+  const Indices valid = validIndices(cloud);
+  const Cloud points = selectPoints(cloud, valid);
   const auto tolerance = static_cast<float>(options.tolerance);
-  UnionFind sets = cloud.organized() ? joinOverGrid(cloud, tolerance * tolerance)
-                                     : joinThroughTree(cloud, options.tolerance);
-  if (cloud.organized()) joinAcrossSteps(cloud, options.tolerance, sets);
-  std::vector<int> sizes(cloud.size(), 0);  // by root
-  for (std::size_t i = 0; i < cloud.size(); ++i)
-    if (cloud.valid(i)) ++sizes[sets.root(static_cast<int>(i))];
+  UnionFind sets = cloud.organized()
+                       ? joinOverGrid(points, valid, cloud.width, tolerance * tolerance)
+                       : joinThroughTree(points, options.tolerance);
+  if (cloud.organized()) joinAcrossSteps(points, options.tolerance, sets);
+  std::vector<int> sizes(points.size(), 0);  // by root
+  for (std::size_t i = 0; i < points.size(); ++i) ++sizes[sets.root(static_cast<int>(i))];
 
   std::vector<Indices> clusters;
-  std::vector<int> cluster_of(cloud.size(), -1);  // by root
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
+  std::vector<int> cluster_of(points.size(), -1);  // by root
+  for (std::size_t i = 0; i < points.size(); ++i) {
     if (sizes[i] == 0 || sizes[i] < options.min_points || sizes[i] > options.max_points) continue;
     cluster_of[i] = static_cast<int>(clusters.size());
     clusters.emplace_back().reserve(sizes[i]);
   }
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    if (!cloud.valid(i)) continue;
+  for (std::size_t i = 0; i < points.size(); ++i) {
     const int cluster = cluster_of[sets.root(static_cast<int>(i))];
-    if (cluster >= 0) clusters[cluster].push_back(static_cast<int>(i));
+    if (cluster >= 0) clusters[cluster].push_back(valid[i]);
   }
   std::stable_sort(clusters.begin(), clusters.end(),
                    [](const Indices& a, const Indices& b) { return a.size() > b.size(); });

@@ -2,11 +2,10 @@
 
 #include <cmath>
 #include <functional>
-#include <unordered_map>
 #include <vector>
 
 #include "tabletop_perception/kd_tree.h"
-#include "voxel_key.h"
+#include "voxel_numbers.h"
 
 namespace tabletop_perception {
 namespace {
@@ -66,15 +65,14 @@ Cloud cropBox(const Cloud& cloud, const Eigen::Isometry3d& T_camera_box,
 
 Cloud voxelGrid(const Cloud& cloud, double leaf) {
   checkOption("leaf", leaf, Range{1e-6, 1e3});
-  std::unordered_map<VoxelKey, int, VoxelKeyHash> voxels;
+  VoxelNumbers voxels;
   std::vector<VoxelSum> sums;
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     if (!cloud.valid(i)) continue;
     const Eigen::Vector3f p = cloud.point(i);
-    const auto [it, fresh] =
-        voxels.try_emplace(VoxelKey::of(p, 1.0 / leaf), static_cast<int>(sums.size()));
-    if (fresh) sums.emplace_back();
-    VoxelSum& sum = sums[it->second];
+    const int number = voxels.numberOf(VoxelKey::of(p, 1.0 / leaf));
+    if (number == static_cast<int>(sums.size())) sums.emplace_back();
+    VoxelSum& sum = sums[number];
     sum.point += p.cast<double>();
     ++sum.count;
     if (!cloud.colored()) continue;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <utility>
 
 #include "simd.h"
 
@@ -144,6 +145,36 @@ void normalsOfBlock(const float* x, const float* y, const float* z, const float*
   }
 }
 
+/// Gives the pixels between the computed ones the normal of the nearest of the four around them
+/// that is on the same surface, as far as range tells.
+void fillBetween(const Cloud& cloud, const PaddedGrid& grid, const Eigen::Vector3f& viewpoint,
+                 int step, float max_change, Normals& normals) {
+  for (int v = 0; v < cloud.height; ++v)
+    for (int u = 0; u < cloud.width; ++u) {
+      const std::size_t i = static_cast<std::size_t>(v) * cloud.width + u;
+      if (!cloud.valid(i) || (v % step == 0 && u % step == 0)) continue;
+      const Eigen::Vector3f p = cloud.point(i);
+      const float range = p.norm();
+      const int row = (v + step / 2) / step, column = (u + step / 2) / step;
+      const int other_row = row * step > v ? row - 1 : row + 1;
+      const int other_column = column * step > u ? column - 1 : column + 1;
+      for (const auto& [r, c] :
+           {std::pair(row, column), std::pair(row, other_column), std::pair(other_row, column),
+            std::pair(other_row, other_column)}) {
+        if (!(std::abs(grid.range[grid.at(r, c)] - range) <= max_change * range)) continue;
+        const std::size_t from = static_cast<std::size_t>(r) * step * cloud.width + c * step;
+        const Eigen::Vector3f normal(normals.x[from], normals.y[from], normals.z[from]);
+        if (std::isnan(normal.x())) continue;
+        const float sign = normal.dot(viewpoint - p) < 0 ? -1.0f : 1.0f;
+        normals.x[i] = sign * normal.x();
+        normals.y[i] = sign * normal.y();
+        normals.z[i] = sign * normal.z();
+        normals.curvature[i] = normals.curvature[from];
+        break;
+      }
+    }
+}
+
 }  // namespace
 
 Normals computeGridNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
@@ -173,6 +204,7 @@ Normals computeGridNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
         normals.curvature[i] = block.curvature[l];
       }
     }
+  if (options.step > 1) fillBetween(cloud, grid, viewpoint, options.step, change, normals);
   return normals;
 }
 

@@ -193,6 +193,7 @@ std::vector<Indices> splitClusters(const Cloud& cloud, const std::vector<Indices
   const Grid grid = gridOf(cloud, clusters, options.step);
   NormalsOptions normals_options;
   normals_options.window = options.window;
+  normals_options.step = 1;  // the grid is as sparse as it should be
   const Normals normals = computeNormals(grid.cloud, Eigen::Vector3f::Zero(), normals_options);
   Patches patches = smoothPatches(grid, normals, options);
   growPatches(grid, options.gap, patches);

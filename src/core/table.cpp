@@ -153,16 +153,20 @@ std::vector<Eigen::Vector2f> outlineOf(const Cloud& cloud, const Indices& indice
                                        const std::vector<Eigen::Vector2f>& flat,
                                        const TablePatches& patches) {
   std::vector<Eigen::Vector2f> outline;
-  int row = -1, points_in_row = 0;
-  for (std::size_t k = 0; k < indices.size(); ++k) {
-    if (!patches.contains(flat[k])) continue;
-    const int row_of_point = cloud.organized() ? indices[k] / cloud.width : static_cast<int>(k);
-    points_in_row = row_of_point == row ? points_in_row + 1 : 1;
-    row = row_of_point;
-    if (points_in_row <= 2)
-      outline.push_back(flat[k]);
-    else
-      outline.back() = flat[k];
+  std::size_t begin = 0;
+  while (begin < indices.size()) {
+    std::size_t end = begin + 1;
+    if (cloud.organized()) {
+      const int next_row = (indices[begin] / cloud.width + 1) * cloud.width;
+      const auto from = indices.begin() + static_cast<std::ptrdiff_t>(begin);
+      end = std::lower_bound(from, indices.end(), next_row) - indices.begin();
+    }
+    std::size_t first = begin, last = end - 1;
+    while (first < end && !patches.contains(flat[first])) ++first;
+    while (last > first && !patches.contains(flat[last])) --last;
+    if (first < end) outline.push_back(flat[first]);
+    if (last > first) outline.push_back(flat[last]);
+    begin = end;
   }
   return outline;
 }

@@ -19,5 +19,6 @@ void addObjects(CLI::App& app);
 void addSegment(CLI::App& app);
 void addRecognize(CLI::App& app);
 void addEvaluate(CLI::App& app);
+void addBenchmark(CLI::App& app);
 
 }  // namespace tabletop_perception::tools

@@ -51,6 +51,7 @@ int main(int argc, char** argv) {
   addSegment(app);
   addRecognize(app);
   addEvaluate(app);
+  addBenchmark(app);
 
   try {
     app.parse(argc, argv);

@@ -11,7 +11,6 @@
 #include "result_text.h"
 #include "scene_arguments.h"
 #include "scene_source.h"
-#include "tabletop_perception/database.h"
 #include "tabletop_perception/pipeline.h"
 
 namespace tabletop_perception::tools {
@@ -23,14 +22,6 @@ struct RecognizeArguments : SceneArguments {
   std::string database;
   std::string output;  ///< a folder of NAME.json; empty: nothing is written
 };
-
-ModelIndex loadModels(const std::string& database) {
-  auto models = ObjectDatabase(database, ObjectDatabase::Mode::READ).loadAll();
-  if (models.empty())
-    throw std::invalid_argument(database +
-                                ": no object in the database; `tabletop train` adds one");
-  return ModelIndex(std::move(models));
-}
 
 void writeText(const fs::path& file, const std::string& text) {
   std::ofstream stream(file);

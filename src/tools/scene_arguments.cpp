@@ -5,6 +5,8 @@
 
 #include <CLI/CLI.hpp>
 
+#include "tabletop_perception/database.h"
+
 namespace tabletop_perception::tools {
 namespace fs = std::filesystem;
 
@@ -38,6 +40,14 @@ std::optional<Eigen::Vector3d> statedUp(const SceneArguments& arguments) {
   if (!up.allFinite() || up.isZero())
     throw std::invalid_argument("--up must be a direction, three numbers that are not all zero");
   return up.normalized();
+}
+
+ModelIndex loadModels(const std::string& database) {
+  auto models = ObjectDatabase(database, ObjectDatabase::Mode::READ).loadAll();
+  if (models.empty())
+    throw std::invalid_argument(database +
+                                ": no object in the database; `tabletop train` adds one");
+  return ModelIndex(std::move(models));
 }
 
 OutputFolder::OutputFolder(fs::path folder) : folder_(std::move(folder)) {

@@ -34,6 +34,9 @@ PipelineOptions pipelineOptions(const SceneArguments& arguments);
 /// The direction of --up, unit length. Throws std::invalid_argument for a zero vector.
 std::optional<Eigen::Vector3d> statedUp(const SceneArguments& arguments);
 
+/// The models of a database. Throws std::invalid_argument when it cannot be read or holds none.
+ModelIndex loadModels(const std::string& database);
+
 /// Where a command writes one file per scene, named after it.
 class OutputFolder {
  public:

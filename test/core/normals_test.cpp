@@ -59,13 +59,20 @@ auto ball(const Eigen::Vector3d& center, double radius) {
   };
 }
 
+NormalsOptions atEveryPixel() {
+  NormalsOptions options;
+  options.window = 7;
+  options.step = 1;
+  return options;
+}
+
 }  // namespace
 
 TEST(Normals, OfAPlaneAreExactAtEveryPixel) {
   for (const Eigen::Vector3d& normal : {Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0.3, -0.8, -0.6),
                                         Eigen::Vector3d(-0.9, 0.1, -0.5)}) {
     const Cloud cloud = seenBy(plane(normal.normalized(), -0.5));
-    const Normals normals = computeNormals(cloud, SENSOR, NormalsOptions());
+    const Normals normals = computeNormals(cloud, SENSOR, atEveryPixel());
     for (std::size_t i = 0; i < cloud.size(); ++i) {
       ASSERT_LT(angleBetween(normalAt(normals, i), normal), 0.1) << "pixel " << i;
       ASSERT_NEAR(normalAt(normals, i).norm(), 1, 1e-5);
@@ -77,7 +84,7 @@ TEST(Normals, OfAPlaneAreExactAtEveryPixel) {
 TEST(Normals, OfABallPointAwayFromItsMiddle) {
   const Eigen::Vector3d center(0.02, -0.01, 0.8);
   const Cloud cloud = seenBy(ball(center, 0.07));
-  const Normals normals = computeNormals(cloud, SENSOR, NormalsOptions());
+  const Normals normals = computeNormals(cloud, SENSOR, atEveryPixel());
   int looked_at = 0;
   for (const int i : validIndices(cloud)) {
     const Eigen::Vector3d out = (cloud.point(i).cast<double>() - center).normalized();
@@ -86,6 +93,31 @@ TEST(Normals, OfABallPointAwayFromItsMiddle) {
     ++looked_at;
   }
   EXPECT_GT(looked_at, 500);
+}
+
+TEST(Normals, BetweenTheStepsAreThoseOfANeighbourOnTheSameSurface) {
+  // A ball before a wall: its rim is where a neighbour may lie on the other surface.
+  const Eigen::Vector3d center(0.02, -0.01, 0.8), facing(0, 0, -1);
+  const Cloud cloud = seenBy([&](const Eigen::Vector3d& ray) {
+    const double range = ball(center, 0.07)(ray);
+    return range > 0 ? range : plane(facing, -1.2)(ray);
+  });
+  for (const int step : {2, 3}) {
+    NormalsOptions options;
+    options.step = step;
+    options.window = 3;  // the ball bends within a larger one
+    const Normals normals = computeNormals(cloud, SENSOR, options);
+    int with_normal = 0;
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+      if (isNone(normals, i)) continue;
+      ++with_normal;
+      const bool on_wall = cloud.z[i] > 1;
+      const Eigen::Vector3d out = (cloud.point(i).cast<double>() - center).normalized();
+      ASSERT_LT(angleBetween(normalAt(normals, i), on_wall ? facing : out), on_wall ? 0.5 : 30)
+          << "pixel " << i << ", step " << step;
+    }
+    EXPECT_GT(with_normal, 0.97 * cloud.size()) << "step " << step;
+  }
 }
 
 TEST(Normals, TurnTowardsTheViewpoint) {
@@ -141,7 +173,7 @@ TEST(Normals, DoNotMixAcrossAStepInDepth) {
 TEST(Normals, WithoutTheGridAgreeWithThoseOnIt) {
   const Eigen::Vector3d center(0.02, -0.01, 0.8);
   const Cloud cloud = seenBy(ball(center, 0.07));
-  NormalsOptions options;
+  NormalsOptions options = atEveryPixel();
   options.neighbors = 49;  // as many as the window holds
   const Normals grid = computeNormals(cloud, SENSOR, options);
   const Normals tree = computeNormals(clouds::unorganised(cloud), SENSOR, options);

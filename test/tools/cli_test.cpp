@@ -126,7 +126,7 @@ TEST_F(TabletopProgram, TellsItsVersionAndHelpOnStdout) {
   const auto version = runTabletop("--version");
   EXPECT_EQ(version.exit_code, 0);
   EXPECT_EQ(version.out.rfind("tabletop ", 0), 0u);
-  for (const auto* command : {"", "segment", "recognize"}) {
+  for (const auto* command : {"", "segment", "recognize", "benchmark"}) {
     const auto help = runTabletop(std::string(command) + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     EXPECT_TRUE(help.err.empty()) << help.err;
@@ -363,6 +363,33 @@ TEST_F(TabletopProgram, RecognizeNamesTheObjectsAndTheirPoses) {
   EXPECT_EQ(text.exit_code, 0);
   for (const auto* part : {"bracket", "house", "steps", "position x y z [m]", "total"})
     EXPECT_NE(text.out.find(part), std::string::npos) << part << " in\n" << text.out;
+}
+
+TEST_F(TabletopProgram, BenchmarksStagesBesideStockPcl) {
+  const auto ran = runTabletop("benchmark --json --runs 2 " + three_pcd_ + three_pcd_);
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  const auto lines = linesOf(ran.out);
+  ASSERT_EQ(lines.size(), 2u) << ran.out;
+  EXPECT_EQ(lines[0]["scene"], "three");
+  EXPECT_TRUE(lines[0]["reason"].is_null());
+  std::vector<std::string> names;
+  for (const auto& stage : lines[0]["stages"]) {
+    names.push_back(stage["name"]);
+    EXPECT_GT(stage["ratio"].get<double>(), 0) << stage;
+    EXPECT_NEAR(stage["ratio"].get<double>() * stage["ours_ms"].get<double>(),
+                stage["pcl_ms"].get<double>(), 1e-6);
+    EXPECT_LE(stage["ours_ms"], stage["ours_median_ms"]);
+    EXPECT_LE(stage["pcl_ms"], stage["pcl_median_ms"]);
+    EXPECT_EQ(stage["runs"], 2);
+  }
+  EXPECT_EQ(names, (std::vector<std::string>{"crop", "voxel_grid", "normals", "plane", "clusters",
+                                             "clusters_organized", "front_end"}));
+  EXPECT_GT(lines[0]["split"]["ours_ms"].get<double>(), 0);
+  EXPECT_GT(lines[0]["memory"]["process_peak_mb"].get<double>(), 1);
+
+  const auto text = runTabletop("benchmark --runs 1 " + three_pcd_);
+  ASSERT_EQ(text.exit_code, 0) << text.err;
+  EXPECT_NE(text.out.find("\nworst ratios: crop "), std::string::npos) << text.out;
 }
 
 TEST_F(TabletopProgram, RecognizeSaysWhyAThingIsUnknown) {

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "voxel_key.h"
+
+namespace tabletop_perception {
+
+/// Numbers the cubes of a grid from 0 up, in the order in which they are first asked for: a hash
+/// table with open addressing, which points that come cube after cube seldom have to enter.
+class VoxelNumbers {
+ public:
+  int size() const { return static_cast<int>(keys_.size()); }
+  const VoxelKey& key(int number) const { return keys_[number]; }
+
+  /// The number of a cube; a new one gets size().
+  int numberOf(const VoxelKey& key) {
+    if (last_ >= 0 && keys_[last_] == key) return last_;
+    std::size_t slot = slotOf(key);
+    if (slots_[slot] < 0) {
+      if (2 * (keys_.size() + 1) > slots_.size()) {
+        grow();
+        slot = slotOf(key);
+      }
+      slots_[slot] = size();
+      keys_.push_back(key);
+    }
+    return last_ = slots_[slot];
+  }
+
+  /// The number of a cube; -1 if it has none.
+  int find(const VoxelKey& key) const { return slots_[slotOf(key)]; }
+
+ private:
+  /// Where the cube is, or belongs.
+  std::size_t slotOf(const VoxelKey& key) const {
+    const std::size_t mask = slots_.size() - 1;
+    std::size_t slot = VoxelKeyHash()(key) & mask;
+    while (slots_[slot] >= 0 && !(keys_[slots_[slot]] == key)) slot = (slot + 1) & mask;
+    return slot;
+  }
+
+  void grow() {
+    slots_.assign(2 * slots_.size(), -1);
+    for (int number = 0; number < size(); ++number) slots_[slotOf(keys_[number])] = number;
+  }
+
+  std::vector<VoxelKey> keys_;
+  std::vector<int> slots_ = std::vector<int>(1 << 12, -1);  ///< as many as a power of two
+  int last_ = -1;
+};
+
+}  // namespace tabletop_perception

@@ -1,0 +1,244 @@
+#include "benchmark_stages.h"
+
+#include <malloc.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+#include <utility>
+
+#include <opencv2/core/utility.hpp>
+
+#include "stock_pcl.h"
+#include "tabletop_perception/normals.h"
+#include "tabletop_perception/packed_cloud.h"
+
+namespace tabletop_perception::tools {
+namespace {
+
+constexpr double SLOW_MS = 300;
+constexpr int SLOW_RUNS = 5;
+
+double millisecondsOf(const std::function<void()>& work) {
+  const auto start = std::chrono::steady_clock::now();
+  work();
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
+      .count();
+}
+
+/// A function whose result is thrown away at the end of the run, within its time.
+template <typename Function>
+std::function<void()> discarding(Function function) {
+  return [function] {
+    const auto result = function();
+    asm volatile("" : : "r"(&result) : "memory");  // the work cannot be left out
+  };
+}
+
+Timing timingOf(std::vector<double> times_ms) {
+  std::sort(times_ms.begin(), times_ms.end());
+  const std::size_t n = times_ms.size();
+  return {times_ms.front(), (times_ms[(n - 1) / 2] + times_ms[n / 2]) / 2, static_cast<int>(n)};
+}
+
+Timing timeAlone(int runs, const std::function<void()>& work) {
+  work();
+  std::vector<double> times;
+  while (static_cast<int>(times.size()) < runs) times.push_back(millisecondsOf(work));
+  return timingOf(std::move(times));
+}
+
+/// The bytes of a message of PCL's as the core reads them.
+PackedCloud packedView(const pcl::PCLPointCloud2& message) {
+  PackedCloud packed;
+  packed.width = message.width;
+  packed.height = message.height;
+  packed.point_step = message.point_step;
+  packed.row_step = message.row_step;
+  packed.big_endian = message.is_bigendian != 0;
+  for (const auto& field : message.fields)
+    packed.fields.push_back({field.name, field.offset, field.datatype, field.count});
+  packed.data = message.data.data();
+  packed.data_size = message.data.size();
+  return packed;
+}
+
+/// A figure of /proc/self/status in kB; none where there is no such file.
+std::optional<double> statusKilobytes(const std::string& name) {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);)
+    if (line.rfind(name + ":", 0) == 0) return std::stod(line.substr(name.size() + 1));
+  return std::nullopt;
+}
+
+/// By how much the process grows at most while it works, in memory that it really touches
+/// [1e6 bytes]. Free memory goes back to the system first, so that none of it is used unseen.
+std::optional<double> workingMemory(const std::function<void()>& work) {
+  work();  // what is set up once and stays
+  malloc_trim(0);
+  std::ofstream reset("/proc/self/clear_refs");
+  reset << "5" << std::flush;  // the peak starts again from here
+  const auto before = statusKilobytes("VmRSS");
+  if (!reset || !before) return std::nullopt;
+  work();
+  return std::max(0.0, *statusKilobytes("VmHWM") - *before) * 1024e-6;
+}
+
+/// The stage labels that leave the front end, as the cluster nodelet publishes them.
+std::vector<std::uint32_t> frontEnd(const PackedCloud& packed,
+                                    const std::optional<Eigen::Vector3d>& up,
+                                    const PipelineOptions& options) {
+  const Cloud filtered = filterCloud(unpackCloud(packed), options.filter);
+  const auto table = findTable(filtered, up, options.table);
+  if (!table) return {};
+  const auto clusters =
+      extractClusters(pointsOnTable(filtered, *table, options.table), options.cluster);
+  return labelsOf(filtered.size(), table->inliers, clusters);
+}
+
+/// Angle of a normal to a direction, either way round [deg]; none for NaN.
+std::optional<double> angleDeg(const Eigen::Vector3d& normal, const Eigen::Vector3d& direction) {
+  const double cosine = std::abs(normal.dot(direction));
+  if (std::isnan(cosine)) return std::nullopt;
+  return std::acos(std::min(1.0, cosine)) * 180 / M_PI;
+}
+
+/// `normalAt(i)`: the normal of pixel i, NaN for none.
+template <typename NormalAt>
+NormalsQuality qualityOf(const Cloud& cloud, const Table& table, NormalAt normalAt) {
+  const Indices valid = validIndices(cloud);
+  NormalsQuality quality;
+  for (const int i : valid) quality.valid_share += !std::isnan(normalAt(i).x());
+  quality.valid_share /= std::max<double>(1.0, static_cast<double>(valid.size()));
+
+  std::vector<double> errors;
+  for (const int i : table.inliers)
+    if (const auto angle = angleDeg(normalAt(i), table.plane.head<3>())) errors.push_back(*angle);
+  if (errors.empty()) return quality;
+  const auto p95 = errors.begin() + static_cast<std::ptrdiff_t>(0.95 * errors.size());
+  std::nth_element(errors.begin(), p95, errors.end());
+  quality.p95_error_deg = *p95;
+  return quality;
+}
+
+void rateNormals(const Cloud& cloud, const Table& table, SceneTiming& timing) {
+  const Normals ours = computeNormals(cloud, Eigen::Vector3f::Zero(), NormalsOptions());
+  timing.our_normals = qualityOf(
+      cloud, table, [&](int i) { return Eigen::Vector3d(ours.x[i], ours.y[i], ours.z[i]); });
+  const auto stock = stock::normals(stock::pointsOf(cloud));
+  timing.pcl_normals = qualityOf(cloud, table, [&](int i) {
+    return Eigen::Vector3d(stock[i].normal_x, stock[i].normal_y, stock[i].normal_z);
+  });
+}
+
+/// Appends stages to a scene's timing.
+class Stages {
+ public:
+  Stages(SceneTiming& timing, int runs) : timing_(timing), runs_(runs) {}
+
+  template <typename Ours, typename Stock>
+  void time(const std::string& name, const std::string& stock_name, Ours ours, Stock stock) {
+    timing_.stages.push_back(
+        timeInTurn(name, stock_name, runs_, discarding(ours), discarding(stock)));
+  }
+
+ private:
+  SceneTiming& timing_;
+  int runs_;
+};
+
+void timeWholeFrame(const Cloud& cloud, const pcl::PCLPointCloud2& message,
+                    const stock::Forward& forward, Stages& stages) {
+  const auto packed = packedView(message);
+  stages.time(
+      "crop", "PassThrough",
+      [&] { return cropRange(unpackCloud(packed), stock::MIN_DEPTH, stock::MAX_DEPTH); },
+      [&] { return stock::crop(message, forward, true); });
+  const stock::Points::ConstPtr points = stock::pointsOf(cloud);
+  stages.time(
+      "voxel_grid", "VoxelGrid", [&] { return voxelGrid(cloud, stock::LEAF); },
+      [&] { return stock::voxelGrid(points); });
+  if (!cloud.organized()) return;
+  stages.time(
+      "normals", "IntegralImageNormalEstimation",
+      [&] { return computeNormals(cloud, Eigen::Vector3f::Zero(), NormalsOptions()); },
+      [&] { return stock::normals(points); });
+}
+
+/// `standing`: the points of `filtered` that are to be clustered.
+void timeClusters(const Cloud& filtered, const Cloud& standing, const ClusterOptions& options,
+                  Stages& stages) {
+  const stock::Points::ConstPtr voxels = stock::voxelGrid(stock::pointsOf(standing));
+  const auto ours = [&] { return extractClusters(standing, options); };
+  stages.time("clusters", "EuclideanClusterExtraction", ours,
+              [&] { return stock::euclideanClusters(voxels); });
+  if (!standing.organized()) return;
+  const stock::Points::ConstPtr points = stock::pointsOf(filtered);
+  const stock::Labels::Ptr labels(new stock::Labels(standing.width, standing.height));
+  for (const int i : validIndices(standing)) (*labels)[i].label = 1;
+  stages.time("clusters_organized", "OrganizedConnectedComponentSegmentation", ours,
+              [&] { return stock::organizedClusters(points, labels); });
+}
+
+}  // namespace
+
+StageTiming timeInTurn(const std::string& name, const std::string& stock_name, int runs,
+                       const std::function<void()>& ours, const std::function<void()>& stock) {
+  ours();  // neither pays for cold caches
+  const bool slow = millisecondsOf(stock) > SLOW_MS;
+  const int stock_runs = slow ? std::min(runs, SLOW_RUNS) : runs;
+  std::vector<double> our_times, stock_times;
+  for (int run = 0; run < runs; ++run) {
+    our_times.push_back(millisecondsOf(ours));
+    if (run < stock_runs) stock_times.push_back(millisecondsOf(stock));
+  }
+  return {name, stock_name, timingOf(std::move(our_times)), timingOf(std::move(stock_times))};
+}
+
+SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector3d>& up,
+                           const PipelineOptions& options, const ModelIndex* models, int runs) {
+  cv::setNumThreads(1);
+  stock::silence();
+  SceneTiming timing;
+  timing.scene = scene.name;
+  Stages stages(timing, runs);
+  const auto message = stock::packedMessage(scene.cloud);
+  const auto forward = stock::forwardOf(scene.cloud);
+  timeWholeFrame(scene.cloud, message, forward, stages);
+
+  const Cloud filtered = filterCloud(scene.cloud, options.filter);
+  const stock::Points::ConstPtr voxels = stock::voxelGrid(stock::crop(message, forward, false));
+  if (!voxels->empty())
+    stages.time(
+        "plane", "SACSegmentation", [&] { return findTable(filtered, up, options.table); },
+        [&] { return stock::planeInliers(voxels); });
+  const auto table = findTable(filtered, up, options.table);
+  timing.reason = table.reason;
+  if (table) {
+    const Cloud standing = pointsOnTable(filtered, *table, options.table);
+    timeClusters(filtered, standing, options.cluster, stages);
+    const auto packed = packedView(message);
+    stages.time(
+        "front_end", "PassThrough to clusters", [&] { return frontEnd(packed, up, options); },
+        [&] { return stock::frontEnd(message, forward); });
+    const auto clusters = extractClusters(standing, options.cluster);
+    timing.split = timeAlone(
+        runs, discarding([&] { return splitClusters(standing, clusters, options.split); }));
+    if (scene.cloud.organized()) rateNormals(scene.cloud, *table, timing);
+  }
+  if (models)
+    timing.recognition = timeAlone(
+        runs, discarding([&] { return recognizeScene(scene.cloud, up, *models, options); }));
+
+  const auto peak = statusKilobytes("VmHWM");  // before it starts again
+  timing.process_peak_mb = peak.value_or(0) * 1024e-6;
+  timing.frame_mb = workingMemory([&] {
+    const auto packed = packedView(message);
+    segmentScene(unpackCloud(packed), up, options).labels();
+  });
+  return timing;
+}
+
+}  // namespace tabletop_perception::tools
