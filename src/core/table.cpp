@@ -285,6 +285,7 @@ struct NormalSample {
  private:
   static NormalsOptions normalsOptions() {
     NormalsOptions options;
+    options.step = 1;        // the grid is coarse as it is
     options.neighbors = 10;  // of a thin sample: more would reach beyond the surface
     return options;
   }
