@@ -23,8 +23,9 @@ scene::SceneOptions coarse() {
 }
 
 std::vector<Plane> planesIn(const Cloud& cloud, const PlaneOptions& options = {}) {
-  return findPlanes(cloud, computeNormals(cloud, Eigen::Vector3f::Zero(), NormalsOptions()),
-                    options);
+  NormalsOptions at_every_pixel;
+  at_every_pixel.step = 1;
+  return findPlanes(cloud, computeNormals(cloud, Eigen::Vector3f::Zero(), at_every_pixel), options);
 }
 
 double offBy(const Plane& plane, const Eigen::Vector4d& truth) {
