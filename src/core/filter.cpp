@@ -1,7 +1,6 @@
 #include "tabletop_perception/filter.h"
 
 #include <cmath>
-#include <functional>
 #include <vector>
 
 #include "tabletop_perception/kd_tree.h"

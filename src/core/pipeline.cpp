@@ -143,6 +143,8 @@ PipelineOptions readPipelineOptions(const std::string& yaml_file) {
   YAML::Node yaml;
   try {
     yaml = YAML::LoadFile(yaml_file);
+  } catch (const YAML::BadFile&) {
+    throw std::invalid_argument(yaml_file + ": no such file, or not to be read");
   } catch (const YAML::Exception& error) {
     throw std::invalid_argument(yaml_file + ": " + error.what());
   }
