@@ -182,7 +182,8 @@ TEST_F(TabletopProgram, RefusesBadOptions) {
                       "filter.leaf_size must be between 0 and 0.1, got -0.01"));
   EXPECT_TRUE(refuses(configured("filter: {leaf_size: wide}\n"), "filter.leaf_size"));
   EXPECT_TRUE(refuses(configured("filter: [\n"), "options.yaml"));
-  EXPECT_TRUE(refuses("segment " + three_pcd_ + "--config missing.yaml", "missing.yaml: no such file"));
+  EXPECT_TRUE(
+      refuses("segment " + three_pcd_ + "--config missing.yaml", "missing.yaml: no such file"));
 }
 
 TEST_F(TabletopProgram, RefusesOutputsThatWouldBeLost) {
