@@ -50,6 +50,10 @@ struct Descriptor {
 /// Throws std::invalid_argument for an empty surface.
 Descriptor computeVfh(const Surface& surface, const Eigen::Vector3f& viewpoint);
 
+/// The smooth regions that CVFH speaks of, and last, perhaps empty, all that is in none: edges and
+/// scattered points.
+std::vector<Surface> smoothParts(const Surface& surface, const DescriptorOptions& options);
+
 /// Clustered VFH (Aldoma et al. 2011): one vector per smooth region, computed from the region's
 /// centroid and mean normal over all points, distances not normalised. Surfaces without a smooth
 /// region yield none.

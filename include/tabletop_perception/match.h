@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 
+#include "tabletop_perception/agreement.h"
 #include "tabletop_perception/descriptor.h"
 #include "tabletop_perception/found.h"
 #include "tabletop_perception/model_index.h"
@@ -20,7 +21,9 @@ struct MatchOptions {
   double max_size_ratio = 1.3;        ///< clusters larger than this times the model do not match
   double union_gap = 0.015;           ///< clusters this near are also matched as one; 0: never [m]
   int rolls = 24;                     ///< turns about the viewing axis that are tried per view
-  int max_candidates = 8;             ///< best initial poses kept per cluster
+  bool stands = true;  ///< every model is also tried in every way that it stands on the table
+  bool parts = true;   ///< the smooth parts of a cluster that resembles nothing are matched too
+  int max_candidates = 10;            ///< best initial poses kept per cluster, and per part of it
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
@@ -31,6 +34,8 @@ struct MatchOptions {
     visit("max_size_ratio", max_size_ratio, Range{0.1, 100});
     visit("union_gap", union_gap, Range{0, 0.2});
     visit("rolls", rolls, Range{1, 360});
+    visit("stands", stands);
+    visit("parts", parts);
     visit("max_candidates", max_candidates, Range{1, 1000});
   }
 };
@@ -48,7 +53,8 @@ struct Neighbor {
 struct Candidate {
   std::string name;     ///< of the object
   double distance = 0;  ///< of the descriptors, in the metric
-  double misfit = 0;    ///< RMS distance of the cluster from the model at this pose [m]
+  double promise = 0;   ///< how well it agrees with what the camera saw after a few steps of ICP,
+                        ///< 0 to 1
   Eigen::Isometry3d T_camera_object = Eigen::Isometry3d::Identity();
 };
 
@@ -64,10 +70,13 @@ std::vector<Neighbor> nearestViews(const Descriptor& descriptor, const ModelInde
 /// the object is turned by `roll` [rad] about the axis, and the centroids coincide.
 Eigen::Isometry3d poseFromView(const Neighbor& neighbor, const View& view, double roll);
 
-/// Candidates for a cluster sampled by `sampleSurface`, best first: the nearest views of each kind
-/// and the rolls at which the cluster lies nearest to the model. None, with the reason, for a
-/// cluster that is too small, an empty database, or no view within the limits.
-Found<std::vector<Candidate>> matchCluster(const Surface& cluster, const ModelIndex& index,
-                                           const MatchOptions& options);
+/// Candidates for a cluster sampled by `sampleSurface`, most promising first. Guesses come from the
+/// nearest views of each kind of descriptor at every roll and from all ways that a model of fitting
+/// size stands on the table; where none of them promises much, also from the cluster's smooth
+/// parts, for a cluster may hold several things. The guesses that explain most are held against the
+/// picture, and the best of those moved by a few steps of ICP. None, with the reason, for a cluster
+/// that is too small, an empty database, or no view within the limits.
+Found<std::vector<Candidate>> matchCluster(const Surface& cluster, const Observation& observation,
+                                           const ModelIndex& index, const MatchOptions& options);
 
 }  // namespace tabletop_perception

@@ -6,6 +6,7 @@
 
 #include "tabletop_perception/model.h"
 #include "tabletop_perception/nearest_grid.h"
+#include "tabletop_perception/sparse_model.h"
 
 namespace tabletop_perception {
 
@@ -34,6 +35,7 @@ class ModelIndex {
   bool empty() const { return models_.empty(); }
   const std::vector<ObjectModel>& models() const { return models_; }
   const NearestGrid& grid(int model) const { return grids_[model]; }
+  const SparseModel& sparse(int model) const { return sparse_[model]; }
 
   /// The options that every view was described with; clusters have to be described alike.
   const DescriptorOptions& descriptorOptions() const { return options_; }
@@ -47,6 +49,7 @@ class ModelIndex {
  private:
   std::vector<ObjectModel> models_;
   std::vector<NearestGrid> grids_;
+  std::vector<SparseModel> sparse_;
   std::map<std::string, Table> vectors_;
   DescriptorOptions options_;
 };

@@ -11,6 +11,7 @@
 #include "tabletop_perception/cloud.h"
 #include "tabletop_perception/cluster.h"
 #include "tabletop_perception/color.h"
+#include "tabletop_perception/decide.h"
 #include "tabletop_perception/filter.h"
 #include "tabletop_perception/match.h"
 #include "tabletop_perception/model_index.h"
@@ -50,20 +51,6 @@ struct PipelineOptions {
 /// std::invalid_argument for an unreadable file, unknown sections and keys, and bad values.
 PipelineOptions readPipelineOptions(const std::string& yaml_file);
 
-/// Something that stands on the table.
-struct SceneObject {
-  std::vector<std::uint32_t> labels;  ///< of its points in the segmentation
-  std::string name = "unknown";       ///< of the object in the database
-  double score = 0;                   ///< probability of being right, 0 to 1
-  Eigen::Isometry3d T_camera_object = Eigen::Isometry3d::Identity();  ///< unknown: its box's pose
-  double fitness = 0;    ///< RMS distance of the explained points [m]
-  double visible = 0;    ///< share of the model's surface that was seen, 0 to 1
-  int points = 0;        ///< of the cloud
-  double explained = 0;  ///< share of them that the model explains, 0 to 1
-  Box box;               ///< about its points
-  std::string reason;    ///< why it is unknown
-};
-
 /// The table and what stands on it, before any recognition.
 struct Segmentation {
   Cloud filtered;  ///< the cloud that the labels belong to
@@ -86,34 +73,14 @@ struct Recognition {
 Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                           const PipelineOptions& options);
 
-/// A cluster before anything is known of it: its points and the box about them.
-SceneObject unknownObject(const Cloud& scene, const Indices& cluster, std::uint32_t label,
-                          const std::optional<Table>& table);
-
-/// Some clusters of a scene that may be one thing, and what it may be.
-struct Proposal {
-  std::vector<std::uint32_t> labels;  ///< of the clusters in the segmentation, ascending
-  Found<std::vector<Candidate>> candidates;
-};
-
 /// The generous half of recognition: every cluster, and every union of clusters that touch, matched
 /// against the database. `scene`: the cloud that the clusters' points belong to.
 std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indices>& clusters,
-                                     const ModelIndex& index, const MatchOptions& options);
-
-/// The strict half: every candidate refined and verified, and of the proposals that stand up to the
-/// limits those kept that explain most points best, no cluster twice. What is left of the clusters
-/// is "unknown", with its box and the reason. In the order of the labels.
-std::vector<SceneObject> decideObjects(const Cloud& scene, const std::vector<Indices>& clusters,
-                                       const std::vector<Proposal>& proposals,
-                                       const std::optional<Table>& table, const ModelIndex& index,
-                                       const PipelineOptions& options);
+                                     const std::optional<Table>& table, const ModelIndex& index,
+                                     const MatchOptions& options);
 
 /// The whole pipeline in one call.
 Recognition recognizeScene(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                            const ModelIndex& index, const PipelineOptions& options);
-
-/// The points of a cluster sampled as the database's views were.
-Surface sampleCluster(const Cloud& scene, const Indices& cluster, const DescriptorOptions& options);
 
 }  // namespace tabletop_perception

@@ -1,16 +1,12 @@
 #pragma once
 
-#include <optional>
 #include <string>
+#include <vector>
 
 #include <Eigen/Geometry>
 
-#include "tabletop_perception/cloud.h"
-#include "tabletop_perception/model.h"
-#include "tabletop_perception/nearest_grid.h"
+#include "tabletop_perception/agreement.h"
 #include "tabletop_perception/options.h"
-#include "tabletop_perception/projection.h"
-#include "tabletop_perception/table.h"
 
 namespace tabletop_perception {
 
@@ -37,21 +33,18 @@ struct VerifyOptions {
 
 /// What the camera says about a pose.
 struct Verification {
-  double explained = 0;  ///< share of the cluster's points within tolerance of the model
-  double visible = 0;    ///< share of the model's surface facing the camera that the camera saw
-  double hidden = 0;     ///< share of it that something nearer hides, or that has no depth
-  double violation = 0;  ///< share of it through which the camera saw something behind
-  double sink = 0;       ///< how deep the model reaches into the table, 0 without a table [m]
-  double fitness = 0;    ///< RMS distance of the explained points from the model [m]
-  double score = 0;      ///< estimate of the probability of being right, 0 to 1
-  std::string reason;    ///< why the pose is refused; empty if it is accepted
+  Agreement agreement;  ///< with the parts that the model touches, and with the whole picture
+  double sink = 0;      ///< how deep the model reaches into the table, 0 without a table [m]
+  double score = 0;     ///< estimate of the probability of being right, 0 to 1
+  std::string reason;   ///< why the pose is refused; empty if it is accepted
 };
 
-/// Holds a pose against the scene and the table. Without a projection, free space is left out of
-/// it and `visible` comes from the cluster alone.
-Verification verifyPose(const ObjectModel& model, const NearestGrid& grid,
-                        const Eigen::Isometry3d& T_camera_object, const Surface& cluster,
-                        const Cloud& scene, const std::optional<Projection>& projection,
-                        const std::optional<Table>& table, const VerifyOptions& options);
+/// Holds a pose against the scene and the table. `parts`: sampled points of the clusters that may
+/// show the object, by smooth parts, in the camera's frame. Parts that the model hardly touches
+/// belong to something else and do not count. `model`: index into those of `index`.
+Verification verifyPose(const ModelIndex& index, int model,
+                        const Eigen::Isometry3d& T_camera_object,
+                        const std::vector<Surface>& parts, const Observation& observation,
+                        const VerifyOptions& options);
 
 }  // namespace tabletop_perception

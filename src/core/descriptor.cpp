@@ -126,6 +126,20 @@ Descriptor computeVfh(const Surface& surface, const Eigen::Vector3f& viewpoint) 
           centroid};
 }
 
+std::vector<Surface> smoothParts(const Surface& surface, const DescriptorOptions& options) {
+  std::vector<bool> in_part(surface.size(), false);
+  std::vector<Surface> parts;
+  for (const auto& region : smoothRegions(surface, options)) {
+    for (const int i : region) in_part[i] = true;
+    parts.push_back(subset(surface, region));
+  }
+  std::vector<int> rest;
+  for (std::size_t i = 0; i < surface.size(); ++i)
+    if (!in_part[i]) rest.push_back(static_cast<int>(i));
+  parts.push_back(subset(surface, rest));
+  return parts;
+}
+
 std::vector<Descriptor> computeCvfh(const Surface& surface, const Eigen::Vector3f& viewpoint,
                                     const DescriptorOptions& options) {
   std::vector<Descriptor> descriptors;

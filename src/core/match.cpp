@@ -3,14 +3,36 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
+
+#include "tabletop_perception/refine.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr int PROBES = 150;             // points of a cluster that judge a roll
-constexpr float MAX_MISFIT = 0.03f;     // farther points all count the same [m]
-constexpr double SAME_ANGLE = 0.26;     // candidates nearer than this [rad]
-constexpr double SAME_DISTANCE = 0.02;  // and this are one [m]
+constexpr int FEW_PROBES = 30;           // points of a cluster that sort out most guesses
+constexpr int PROBES = 100;              // and that judge the rest
+constexpr int MAX_JUDGED = 300;          // guesses that are held against the picture
+constexpr int MAX_ALIGNED = 50;          // guesses that ICP moves
+constexpr int MAX_ALIGNED_OF_ONE = 10;   // of them of one model
+constexpr double COARSE = 0.02;          // tolerance before ICP [m]
+constexpr double FINE = 0.012;           // and after a few steps of it [m]
+constexpr double SAME_ANGLE = 0.2;       // candidates nearer than this [rad]
+constexpr double SAME_DISTANCE = 0.015;  // and this are one [m]
+constexpr double ON_TABLE = 0.015;       // a guess farther than this from the table floats [m]
+constexpr double SIZE_SLACK = 0.015;     // of what a side of a model shows [m]
+constexpr double MIN_SHOWN = 0.25;       // least extent of a cluster, share of what the side shows
+constexpr float SAME_FACING = 0.9f;      // cosine of the normals on one smooth part
+constexpr int MIN_PART_POINTS = 40;      // of a smooth part that is looked at for itself
+constexpr double LOW_PROMISE = 0.65;     // of a whole cluster: its parts are looked at too
+
+/// A pose that a cluster may have, before ICP.
+struct Guess {
+  int model;
+  Eigen::Isometry3d T_camera_object;
+  double distance;  // of the descriptors; infinite where none was compared
+  double promise = 0;
+};
 
 /// A lower bound of the largest distance of two points, exact for most shapes.
 double extentOf(const std::vector<Eigen::Vector3f>& points) {
@@ -23,26 +45,15 @@ double extentOf(const std::vector<Eigen::Vector3f>& points) {
   return (farthestFrom(end) - end).norm();
 }
 
-std::vector<Eigen::Vector3f> probesOf(const Surface& cluster) {
-  const std::size_t step = std::max<std::size_t>(1, cluster.size() / PROBES);
-  std::vector<Eigen::Vector3f> probes;
-  for (std::size_t i = 0; i < cluster.size(); i += step) probes.push_back(cluster.points[i]);
-  return probes;
-}
-
-/// RMS distance of the probes from the model, far ones cut off [m].
-double misfitOf(const std::vector<Eigen::Vector3f>& probes, const ObjectModel& model,
-                const NearestGrid& grid, const Eigen::Isometry3d& T_camera_object) {
-  const Eigen::Isometry3f T_object_camera = T_camera_object.inverse().cast<float>();
-  double sum = 0;
-  for (const auto& probe : probes) {
-    const Eigen::Vector3f p = T_object_camera * probe;
-    const int nearest = grid.nearest(p);
-    const float distance =
-        nearest < 0 ? MAX_MISFIT : std::min(MAX_MISFIT, (model.surface.points[nearest] - p).norm());
-    sum += distance * distance;
+/// About `count` of the points, evenly taken.
+Surface thinned(const Surface& surface, int count) {
+  const std::size_t step = std::max<std::size_t>(1, surface.size() / count);
+  Surface few;
+  for (std::size_t i = 0; i < surface.size(); i += step) {
+    few.points.push_back(surface.points[i]);
+    few.normals.push_back(surface.normals[i]);
   }
-  return std::sqrt(sum / static_cast<double>(probes.size()));
+  return few;
 }
 
 bool samePose(const Candidate& a, const Candidate& b) {
@@ -111,8 +122,170 @@ Eigen::Isometry3d poseFromView(const Neighbor& neighbor, const View& view, doubl
   return T_camera_view * view.T_view_object;
 }
 
-Found<std::vector<Candidate>> matchCluster(const Surface& cluster, const ModelIndex& index,
-                                           const MatchOptions& options) {
+namespace {
+
+/// The poses in which the nearest views of a cluster's descriptors show it.
+std::vector<Guess> guessesFromViews(const std::vector<Descriptor>& descriptors, double extent,
+                                    const ModelIndex& index, const MatchOptions& options,
+                                    bool& any_near) {
+  std::vector<Guess> guesses;
+  for (const auto& descriptor : descriptors) {
+    if (!wanted(descriptor.kind, options)) continue;
+    for (const auto& neighbor : nearestViews(descriptor, index, options)) {
+      any_near = true;
+      const ObjectModel& model = index.models()[neighbor.model];
+      if (extent > options.max_size_ratio * model.diameter) continue;
+      for (int roll = 0; roll < options.rolls; ++roll)
+        guesses.push_back(
+            {neighbor.model,
+             poseFromView(neighbor, model.views[neighbor.view], 2 * M_PI * roll / options.rolls),
+             neighbor.distance});
+    }
+  }
+  return guesses;
+}
+
+/// Some points of a cluster that a model is to be laid on, and what they tell of its pose.
+struct Anchor {
+  const Surface& points;
+  Eigen::Vector3d centroid;
+  Eigen::Vector3d normal;  // of a smooth part; zero for a whole cluster
+  double extent;
+  double top;  // above the table [m]
+};
+
+Anchor anchorOf(const Surface& points, bool smooth, const Table& table) {
+  Anchor anchor{points, centroidOf(points.points).cast<double>(), Eigen::Vector3d::Zero(),
+                extentOf(points.points), 0};
+  if (smooth) {
+    for (const auto& normal : points.normals) anchor.normal += normal.cast<double>();
+    anchor.normal.normalize();
+  }
+  for (const auto& p : points.points) anchor.top = std::max(anchor.top, heightAbove(table, p));
+  return anchor;
+}
+
+/// What of a side of a model an anchor may show: all of it or, of a smooth part, what faces alike.
+struct Shown {
+  Eigen::Vector3d centroid = Eigen::Vector3d::Zero();  // in the object's frame [m]
+  double extent = 0;                                   // 0: nothing
+};
+
+Shown shownOf(const SparseModel& model, const SparseModel::Side& side,
+              const Eigen::Vector3f& normal) {
+  if (normal.isZero()) return {side.centroid.cast<double>(), side.extent};
+  Shown shown;
+  Eigen::AlignedBox3f box;
+  int count = 0;
+  for (const int i : side.visible) {
+    if (model.surface.normals[i].dot(normal) < SAME_FACING) continue;
+    shown.centroid += model.surface.points[i].cast<double>();
+    box.extend(model.surface.points[i]);
+    ++count;
+  }
+  if (count == 0) return shown;
+  shown.centroid /= count;
+  shown.extent = box.diagonal().norm();
+  return shown;
+}
+
+/// The poses in which a model stands on the table and shows the camera something like the anchor;
+/// those far from the table's height stand on something else.
+void addStandingGuesses(const Anchor& anchor, const Table& table, int m, const SparseModel& model,
+                        std::vector<Guess>& guesses) {
+  const Eigen::Vector3d up = table.plane.head<3>();
+  for (const auto& stand : model.stands) {
+    for (const double yaw : stand.yaws) {
+      const Eigen::Matrix3d R = table.T_camera_table.linear() *
+                                Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) *
+                                stand.R_table_object;
+      const Eigen::Vector3d to_camera = R.transpose() * -anchor.centroid.normalized();
+      const auto& side = model.sideTowards(to_camera.cast<float>());
+      const Eigen::Vector3d normal = R.transpose() * anchor.normal;
+      const Shown shown = shownOf(model, side, normal.cast<float>());
+      if (shown.extent <= 0 || anchor.extent > shown.extent + SIZE_SLACK ||
+          anchor.extent < MIN_SHOWN * shown.extent)
+        continue;
+      Guess guess{m, Eigen::Isometry3d(R), std::numeric_limits<double>::infinity()};
+      guess.T_camera_object.translation() = anchor.centroid - R * shown.centroid;
+      const double lift =
+          up.dot(guess.T_camera_object.translation()) + table.plane[3] - stand.origin_height;
+      if (std::abs(lift) > ON_TABLE) guesses.push_back(guess);
+      if (anchor.top > stand.top_height + ON_TABLE) continue;
+      guess.T_camera_object.translation() -= lift * up;
+      guesses.push_back(guess);
+    }
+  }
+}
+
+std::vector<Surface> smoothRegionsOf(const Surface& cluster, const DescriptorOptions& options) {
+  auto parts = smoothParts(cluster, options);
+  parts.pop_back();  // what is not smooth
+  const auto small = [](const Surface& part) {
+    return static_cast<int>(part.size()) < MIN_PART_POINTS;
+  };
+  parts.erase(std::remove_if(parts.begin(), parts.end(), small), parts.end());
+  return parts;
+}
+
+/// The guesses with the highest promise, `limit` of them at most and `of_one` of one model.
+std::vector<Guess> best(std::vector<Guess> guesses, int limit, int of_one,
+                        const ModelIndex& index) {
+  std::stable_sort(guesses.begin(), guesses.end(),
+                   [](const Guess& a, const Guess& b) { return a.promise > b.promise; });
+  std::vector<Guess> kept;
+  std::vector<int> counts(index.models().size(), 0);
+  for (auto& guess : guesses) {
+    if (static_cast<int>(kept.size()) == limit) break;
+    if (counts[guess.model]++ < of_one) kept.push_back(std::move(guess));
+  }
+  return kept;
+}
+
+/// The most promising guesses, after a few steps of ICP. `points`: what they are to explain;
+/// `cluster`: what ICP moves them onto.
+std::vector<Candidate> mostPromising(std::vector<Guess> guesses, const Surface& points,
+                                     const Surface& cluster, const Observation& observation,
+                                     const ModelIndex& index, const MatchOptions& options) {
+  const Surface few = thinned(points, FEW_PROBES), probes = thinned(points, PROBES),
+                source = thinned(cluster, 2 * PROBES);
+  for (auto& guess : guesses)
+    guess.promise = explainedShare(index, guess.model, guess.T_camera_object, few, COARSE);
+  guesses = best(std::move(guesses), MAX_JUDGED, MAX_JUDGED, index);
+  for (auto& guess : guesses)
+    guess.promise =
+        agreementOf(index, guess.model, guess.T_camera_object, probes, observation, COARSE)
+            .score(COARSE);
+  guesses = best(std::move(guesses), MAX_ALIGNED, MAX_ALIGNED_OF_ONE, index);
+
+  RefineOptions coarse;
+  coarse.max_iterations = 8;
+  coarse.max_distance = 0.01;
+  coarse.min_overlap = 0.05;
+  for (auto& guess : guesses) {
+    const auto alignment = refinePose(source, index.models()[guess.model].surface,
+                                      index.grid(guess.model), guess.T_camera_object, coarse);
+    if (alignment) guess.T_camera_object = alignment->T_camera_object;
+    guess.promise = agreementOf(index, guess.model, guess.T_camera_object, probes, observation, FINE)
+                        .score(FINE);
+  }
+  std::vector<Candidate> candidates;
+  for (const auto& guess : best(std::move(guesses), MAX_ALIGNED, MAX_ALIGNED, index)) {
+    Candidate candidate{index.models()[guess.model].name, guess.distance, guess.promise,
+                        guess.T_camera_object};
+    const bool known = std::any_of(candidates.begin(), candidates.end(), [&](const auto& other) {
+      return samePose(other, candidate);
+    });
+    if (!known) candidates.push_back(std::move(candidate));
+    if (static_cast<int>(candidates.size()) == options.max_candidates) break;
+  }
+  return candidates;
+}
+
+}  // namespace
+
+Found<std::vector<Candidate>> matchCluster(const Surface& cluster, const Observation& observation,
+                                           const ModelIndex& index, const MatchOptions& options) {
   using Result = Found<std::vector<Candidate>>;
   checkOptions("match", options);
   if (index.empty()) return Result::none("the database holds no object");
@@ -124,47 +297,40 @@ Found<std::vector<Candidate>> matchCluster(const Surface& cluster, const ModelIn
                                index.descriptorOptions().min_points));
 
   const double extent = extentOf(cluster.points);
-  const auto probes = probesOf(cluster);
-  std::vector<Candidate> all;
   bool any_near = false;
-  for (const auto& descriptor : descriptors) {
-    if (!wanted(descriptor.kind, options)) continue;
-    for (const auto& neighbor : nearestViews(descriptor, index, options)) {
-      any_near = true;
-      const ObjectModel& model = index.models()[neighbor.model];
-      if (extent > options.max_size_ratio * model.diameter) continue;
-      for (int roll = 0; roll < options.rolls; ++roll) {
-        Candidate candidate;
-        candidate.name = model.name;
-        candidate.distance = neighbor.distance;
-        candidate.T_camera_object =
-            poseFromView(neighbor, model.views[neighbor.view], 2 * M_PI * roll / options.rolls);
-        candidate.misfit =
-            misfitOf(probes, model, index.grid(neighbor.model), candidate.T_camera_object);
-        all.push_back(std::move(candidate));
-      }
+  auto guesses = guessesFromViews(descriptors, extent, index, options, any_near);
+  const auto addStanding = [&](const Surface& points, bool smooth, std::vector<Guess>& to) {
+    if (!options.stands || !observation.table) return;
+    const Anchor anchor = anchorOf(points, smooth, *observation.table);
+    for (std::size_t m = 0; m < index.models().size(); ++m)
+      addStandingGuesses(anchor, *observation.table, static_cast<int>(m),
+                         index.sparse(static_cast<int>(m)), to);
+  };
+  addStanding(cluster, false, guesses);
+  auto candidates = mostPromising(std::move(guesses), cluster, cluster, observation, index, options);
+
+  const bool promising = !candidates.empty() && candidates.front().promise >= LOW_PROMISE;
+  if (options.parts && !promising)
+    for (const auto& part : smoothRegionsOf(cluster, index.descriptorOptions())) {
+      std::vector<Guess> of_part;
+      addStanding(part, true, of_part);
+      for (auto& candidate :
+           mostPromising(std::move(of_part), part, cluster, observation, index, options))
+        candidates.push_back(std::move(candidate));
     }
+  if (!candidates.empty()) {
+    std::stable_sort(
+        candidates.begin(), candidates.end(),
+        [](const Candidate& a, const Candidate& b) { return a.promise > b.promise; });
+    return candidates;
   }
   if (!any_near)
     return Result::none(
         format("no view is nearer than %.0f in the descriptor's metric (%.0f compared)",
                options.max_distance, static_cast<double>(descriptors.size())));
-  if (all.empty())
-    return Result::none(
-        format("the cluster is %.2f m across, more than %.1f times any object it looks like",
-               extent, options.max_size_ratio));
-
-  std::stable_sort(all.begin(), all.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.misfit < b.misfit; });
-  std::vector<Candidate> best;
-  for (auto& candidate : all) {
-    if (static_cast<int>(best.size()) == options.max_candidates) break;
-    const bool known = std::any_of(best.begin(), best.end(), [&](const Candidate& other) {
-      return samePose(other, candidate);
-    });
-    if (!known) best.push_back(std::move(candidate));
-  }
-  return best;
+  return Result::none(
+      format("the cluster is %.2f m across, more than %.1f times any object it looks like", extent,
+             options.max_size_ratio));
 }
 
 }  // namespace tabletop_perception

@@ -27,6 +27,7 @@ ModelIndex::ModelIndex(std::vector<ObjectModel> models) : models_(std::move(mode
                                   "' were trained with different descriptor options; train one "
                                   "of them again");
     grids_.emplace_back(model.surface, GRID_CELL, GRID_MARGIN);
+    sparse_.push_back(makeSparse(model));
     for (std::size_t v = 0; v < model.views.size(); ++v)
       for (const auto& descriptor : model.views[v].descriptors) {
         Table& table = vectors_[descriptor.kind];

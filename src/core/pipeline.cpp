@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 #include <stdexcept>
 
 #include "tabletop_perception/normals.h"
@@ -32,33 +31,6 @@ class StopWatch {
   Clock::time_point last_ = Clock::now();
 };
 
-/// A candidate after ICP, and what the camera says about it.
-struct Hypothesis {
-  const ObjectModel* model;
-  Eigen::Isometry3d T_camera_object;
-  Verification verification;
-};
-
-/// Accepted hypotheses before refused ones, each by score.
-bool better(const Hypothesis& a, const Hypothesis& b) {
-  const bool a_stands = a.verification.reason.empty(), b_stands = b.verification.reason.empty();
-  return a_stands != b_stands ? a_stands : a.verification.score > b.verification.score;
-}
-
-std::string marginRefusal(const std::vector<Hypothesis>& ranked, const VerifyOptions& options) {
-  const Hypothesis& best = ranked.front();
-  for (const auto& other : ranked) {
-    if (other.model == best.model) continue;
-    const double margin = best.verification.score - other.verification.score;
-    if (margin >= options.min_margin) return "";
-    char text[200];
-    std::snprintf(text, sizeof text, "margin %.2f over %s, limit %.2f", margin,
-                  other.model->name.c_str(), options.min_margin);
-    return text;
-  }
-  return "";
-}
-
 /// The points of several clusters.
 Indices pointsOf(const std::vector<Indices>& clusters, const std::vector<int>& members) {
   Indices points;
@@ -71,70 +43,6 @@ std::vector<std::uint32_t> labelsOfMembers(const std::vector<int>& members) {
   std::vector<std::uint32_t> labels;
   for (const int k : members) labels.push_back(static_cast<std::uint32_t>(k) + 2);
   return labels;
-}
-
-std::vector<int> membersOf(const std::vector<std::uint32_t>& labels) {
-  std::vector<int> members;
-  for (const auto label : labels) members.push_back(static_cast<int>(label) - 2);
-  return members;
-}
-
-SceneObject boxedObject(const Cloud& scene, const Indices& points,
-                        const std::vector<std::uint32_t>& labels,
-                        const std::optional<Table>& table) {
-  SceneObject object;
-  object.labels = labels;
-  object.points = static_cast<int>(points.size());
-  std::optional<Eigen::Vector3d> up;
-  if (table) up = table->plane.head<3>();
-  object.box = boxAround(pointsAt(scene, points), up);
-  object.T_camera_object = object.box.T_camera_box;
-  return object;
-}
-
-/// What some clusters are: every candidate refined and verified, the best one kept if it stands up
-/// to the limits; else "unknown" with the reason.
-SceneObject decideProposal(const Cloud& scene, const std::vector<Indices>& clusters,
-                           const Proposal& proposal, const std::optional<Table>& table,
-                           const std::optional<Projection>& projection, const ModelIndex& index,
-                           const PipelineOptions& options) {
-  const Indices points = pointsOf(clusters, membersOf(proposal.labels));
-  SceneObject object = boxedObject(scene, points, proposal.labels, table);
-  object.reason = proposal.candidates.reason;
-  if (!proposal.candidates) return object;
-
-  const Surface sample = sampleCluster(scene, points, index.descriptorOptions());
-  std::vector<Hypothesis> ranked;
-  for (const auto& candidate : *proposal.candidates) {
-    const int m = index.find(candidate.name);
-    if (m < 0) continue;  // taken out of the database meanwhile
-    const ObjectModel& model = index.models()[m];
-    const auto alignment =
-        refinePose(sample, model.surface, index.grid(m), candidate.T_camera_object, options.refine);
-    if (object.reason.empty()) object.reason = alignment.reason;
-    if (!alignment) continue;
-    ranked.push_back({&model, alignment->T_camera_object,
-                      verifyPose(model, index.grid(m), alignment->T_camera_object, sample, scene,
-                                 projection, table, options.verify)});
-  }
-  if (ranked.empty()) {
-    if (object.reason.empty()) object.reason = "what it looked like is no longer in the database";
-    return object;
-  }
-
-  std::stable_sort(ranked.begin(), ranked.end(), better);
-  const Hypothesis& best = ranked.front();
-  object.reason = best.verification.reason.empty()
-                      ? marginRefusal(ranked, options.verify)
-                      : best.model->name + ": " + best.verification.reason;
-  if (!object.reason.empty()) return object;
-  object.name = best.model->name;
-  object.score = best.verification.score;
-  object.T_camera_object = best.T_camera_object;
-  object.fitness = best.verification.fitness;
-  object.visible = best.verification.visible;
-  object.explained = best.verification.explained;
-  return object;
 }
 
 }  // namespace
@@ -190,11 +98,6 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
   return result;
 }
 
-SceneObject unknownObject(const Cloud& scene, const Indices& cluster, std::uint32_t label,
-                          const std::optional<Table>& table) {
-  return boxedObject(scene, cluster, {label}, table);
-}
-
 Surface sampleCluster(const Cloud& scene, const Indices& cluster,
                       const DescriptorOptions& options) {
   return sampleSurface(pointsAt(scene, cluster), options.leaf, options.normal_radius,
@@ -202,50 +105,17 @@ Surface sampleCluster(const Cloud& scene, const Indices& cluster,
 }
 
 std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indices>& clusters,
-                                     const ModelIndex& index, const MatchOptions& options) {
+                                     const std::optional<Table>& table, const ModelIndex& index,
+                                     const MatchOptions& options) {
+  const Observation observation = observe(scene, table);
   std::vector<Proposal> proposals;
   for (const auto& members : clusterUnions(scene, clusters, options.union_gap)) {
     const Surface sample =
         sampleCluster(scene, pointsOf(clusters, members), index.descriptorOptions());
-    proposals.push_back({labelsOfMembers(members), matchCluster(sample, index, options)});
+    proposals.push_back(
+        {labelsOfMembers(members), matchCluster(sample, observation, index, options)});
   }
   return proposals;
-}
-
-std::vector<SceneObject> decideObjects(const Cloud& scene, const std::vector<Indices>& clusters,
-                                       const std::vector<Proposal>& proposals,
-                                       const std::optional<Table>& table, const ModelIndex& index,
-                                       const PipelineOptions& options) {
-  const auto projection = fitProjection(scene).value;
-  std::vector<SceneObject> known, objects;
-  std::vector<SceneObject> alone(clusters.size());  // each cluster, should it remain unknown
-  for (const auto& proposal : proposals) {
-    SceneObject object =
-        decideProposal(scene, clusters, proposal, table, projection, index, options);
-    if (proposal.labels.size() == 1) {
-      alone.at(proposal.labels[0] - 2) =
-          unknownObject(scene, clusters.at(proposal.labels[0] - 2), proposal.labels[0], table);
-      alone[proposal.labels[0] - 2].reason = object.reason;
-    }
-    if (object.name != "unknown") known.push_back(std::move(object));
-  }
-  std::stable_sort(known.begin(), known.end(), [](const SceneObject& a, const SceneObject& b) {
-    return a.score * a.explained * a.points > b.score * b.explained * b.points;
-  });
-
-  std::vector<bool> taken(clusters.size(), false);
-  const auto isTaken = [&](std::uint32_t label) -> bool { return taken[label - 2]; };
-  for (auto& object : known) {
-    if (std::any_of(object.labels.begin(), object.labels.end(), isTaken)) continue;
-    for (const auto label : object.labels) taken[label - 2] = true;
-    objects.push_back(std::move(object));
-  }
-  for (std::size_t k = 0; k < clusters.size(); ++k)
-    if (!taken[k] && !alone[k].labels.empty()) objects.push_back(std::move(alone[k]));
-  std::stable_sort(objects.begin(), objects.end(), [](const SceneObject& a, const SceneObject& b) {
-    return a.labels.front() < b.labels.front();
-  });
-  return objects;
 }
 
 Recognition recognizeScene(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
@@ -255,9 +125,10 @@ Recognition recognizeScene(const Cloud& cloud, const std::optional<Eigen::Vector
   result.times_ms = result.segmentation.times_ms;
   StopWatch watch(result.times_ms);
   const auto& [scene, table, clusters, reason, times] = result.segmentation;
-  const auto proposals = proposeObjects(scene, clusters, index, options.match);
+  const auto proposals = proposeObjects(scene, clusters, table, index, options.match);
   watch.lap("match");
-  result.objects = decideObjects(scene, clusters, proposals, table, index, options);
+  result.objects = decideObjects(scene, clusters, proposals, table, index, options.match,
+                                 options.refine, options.verify);
   watch.lap("refine");
   return result;
 }

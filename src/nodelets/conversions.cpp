@@ -164,7 +164,7 @@ ClusterCandidates messageFromProposal(const Proposal& proposal) {
     MatchCandidate entry;
     entry.name = candidate.name;
     entry.distance = candidate.distance;
-    entry.misfit = candidate.misfit;
+    entry.promise = candidate.promise;
     entry.pose = messageFromPose(candidate.T_camera_object);
     message.candidates.push_back(entry);
   }
@@ -183,7 +183,7 @@ Proposal proposalFromMessage(const ClusterCandidates& message, std::size_t clust
     Candidate candidate;
     candidate.name = entry.name;
     candidate.distance = entry.distance;
-    candidate.misfit = entry.misfit;
+    candidate.promise = entry.promise;
     candidate.T_camera_object = poseFromMessage(entry.pose);
     candidates.push_back(candidate);
   }

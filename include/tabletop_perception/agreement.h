@@ -1,0 +1,53 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include <Eigen/Geometry>
+
+#include "tabletop_perception/cloud.h"
+#include "tabletop_perception/geometry.h"
+#include "tabletop_perception/kd_tree.h"
+#include "tabletop_perception/model_index.h"
+#include "tabletop_perception/projection.h"
+#include "tabletop_perception/table.h"
+
+namespace tabletop_perception {
+
+/// What the camera saw, made ready to hold poses against it. Refers to the scene and the table that
+/// it was made of: they must outlive it.
+struct Observation {
+  const Cloud& scene;
+  const Table* table = nullptr;          ///< none: nothing is known of one
+  std::optional<Projection> projection;  ///< none: free space says nothing
+  std::shared_ptr<const KdTree> points;  ///< of the scene, where there is no projection
+};
+
+Observation observe(const Cloud& scene, const std::optional<Table>& table);
+
+/// How a model at a pose agrees with some points and with the whole picture.
+struct Agreement {
+  double explained = 0;  ///< share of the points within tolerance of the model
+  double fitness = 0;    ///< RMS distance of the explained points from the model [m]
+  double visible = 0;    ///< share of the model's surface facing the camera that the camera saw
+  double hidden = 0;     ///< share of it that something nearer hides, or that has no depth
+  double violation = 0;  ///< share of it through which the camera saw something behind
+
+  /// explained * visible / (visible + violation) * exp(-(fitness / tolerance)^2), 0 to 1.
+  double score(double tolerance) const;
+};
+
+/// `points`: in the camera's frame, with normals. `model`: index into those of `index`.
+Agreement agreementOf(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
+                      const Surface& points, const Observation& observation, double tolerance);
+
+/// Share of the points within `tolerance` of the model that face as it does.
+double explainedShare(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
+                      const Surface& points, double tolerance);
+
+/// For each of the points, whether it lies within `tolerance` of the model and faces as it does.
+std::vector<bool> explainedPoints(const ModelIndex& index, int model,
+                                  const Eigen::Isometry3d& T_camera_object, const Surface& points,
+                                  double tolerance);
+
+}  // namespace tabletop_perception

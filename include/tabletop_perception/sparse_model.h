@@ -1,0 +1,41 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "tabletop_perception/geometry.h"
+#include "tabletop_perception/model.h"
+
+namespace tabletop_perception {
+
+/// A model in few points: what of it can be seen from where, and how it stands on a table. All in
+/// the object's frame [m].
+struct SparseModel {
+  /// What a camera far away sees of the model.
+  struct Side {
+    Eigen::Vector3f direction = Eigen::Vector3f::UnitZ();  ///< from the model to the camera [unit]
+    std::vector<int> visible;                              ///< indices into `surface`
+    Eigen::Vector3f centroid = Eigen::Vector3f::Zero();    ///< of the visible points
+    float extent = 0;  ///< at least the largest distance of two visible points
+  };
+
+  /// A way to stand, turned about the vertical by one of `yaws`.
+  struct Stand {
+    Eigen::Matrix3d R_table_object = Eigen::Matrix3d::Identity();  ///< z of the table is up
+    double origin_height = 0;  ///< of the object's origin above the table
+    double top_height = 0;     ///< of its highest point
+    std::vector<double> yaws;  ///< that differ by more than the symmetry's turns [rad]
+  };
+
+  Surface surface;
+  std::vector<Side> sides;    ///< directions all around, about 16 deg apart
+  std::vector<Stand> stands;  ///< the most probable first; none for a flat part of a surface
+
+  /// The side that is seen from a direction [unit, object to camera].
+  const Side& sideTowards(const Eigen::Vector3f& direction) const;
+};
+
+SparseModel makeSparse(const ObjectModel& model);
+
+}  // namespace tabletop_perception

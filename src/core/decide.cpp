@@ -1,0 +1,355 @@
+#include "tabletop_perception/decide.h"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace tabletop_perception {
+namespace {
+
+constexpr double REACH = 0.03;         // of points about a candidate that ICP sees [m]
+constexpr int MAX_SOURCE_POINTS = 600;  // that ICP looks at
+constexpr double MIN_PROMISE_RATIO = 0.6;  // of a candidate to the best one of its proposal
+constexpr double MIN_OWN_SHARE = 0.7;  // of an object's points that no other object explains
+constexpr double RIVAL_OVERLAP = 0.5;  // share of an object's points that a rival explains as well
+constexpr double MIN_SHARE_OF_CLUSTER = 0.3;  // that an object explains if the cluster shows it
+constexpr double TAKEN_SHARE = 0.5;     // of a cluster that objects explain: it is no unknown thing
+constexpr double MIN_LEFT_SHARE = 0.15;  // of a cluster that is worth another look
+
+/// The sampled points of all clusters.
+struct Standing {
+  std::vector<Surface> parts;        ///< smooth parts of the clusters, one after the other
+  std::vector<int> cluster_of_part;  ///< index of the cluster
+
+  Standing(const Cloud& scene, const std::vector<Indices>& clusters,
+           const DescriptorOptions& options) {
+    for (std::size_t k = 0; k < clusters.size(); ++k)
+      for (auto& part : smoothParts(sampleCluster(scene, clusters[k], options), options)) {
+        parts.push_back(std::move(part));
+        cluster_of_part.push_back(static_cast<int>(k));
+      }
+  }
+};
+
+/// Whether each point of each part is marked.
+using Marks = std::vector<std::vector<bool>>;
+
+Marks noMarks(const Standing& standing) {
+  Marks marks;
+  for (const auto& part : standing.parts) marks.emplace_back(part.size(), false);
+  return marks;
+}
+
+int countOf(const std::vector<bool>& marks) {
+  return static_cast<int>(std::count(marks.begin(), marks.end(), true));
+}
+
+int countOf(const Marks& marks) {
+  int count = 0;
+  for (const auto& of_part : marks) count += countOf(of_part);
+  return count;
+}
+
+int commonOf(const Marks& a, const Marks& b) {
+  int count = 0;
+  for (std::size_t p = 0; p < a.size(); ++p)
+    for (std::size_t i = 0; i < a[p].size(); ++i) count += a[p][i] && b[p][i];
+  return count;
+}
+
+void append(const Surface& from, std::size_t i, Surface& to) {
+  to.points.push_back(from.points[i]);
+  to.normals.push_back(from.normals[i]);
+}
+
+/// A candidate after ICP, and what the camera says about it.
+struct Hypothesis {
+  int model;
+  Eigen::Isometry3d T_camera_object;
+  Verification verification;
+  Marks explained;
+  int points;  ///< that it explains
+
+  double worth() const { return verification.score * points; }
+  bool stands() const { return verification.reason.empty(); }
+};
+
+/// The candidates of one scene, refined and verified, and the objects chosen among them.
+class Decision {
+ public:
+  Decision(const Cloud& scene, const std::vector<Indices>& clusters,
+           const std::optional<Table>& table, const ModelIndex& index, const MatchOptions& match,
+           const RefineOptions& refine, const VerifyOptions& verify)
+      : scene_(scene),
+        clusters_(clusters),
+        table_(table),
+        index_(index),
+        match_(match),
+        refine_(refine),
+        verify_(verify),
+        observation_(observe(scene, table)),
+        standing_(scene, clusters, index.descriptorOptions()),
+        taken_(noMarks(standing_)),
+        reasons_(clusters.size()) {}
+
+  void judge(const Proposal& proposal) {
+    std::string& reason = reasons_.at(proposal.labels.front() - 2);
+    const bool alone = proposal.labels.size() == 1;
+    if (alone) reason = proposal.candidates.reason;
+    if (!proposal.candidates) return;
+    std::vector<Surface> parts;
+    for (std::size_t p = 0; p < standing_.parts.size(); ++p)
+      if (isMember(standing_.cluster_of_part[p], proposal.labels))
+        parts.push_back(standing_.parts[p]);
+    const std::string refusal = judgeCandidates(*proposal.candidates, parts);
+    if (alone && reason.empty()) reason = refusal;
+  }
+
+  /// Keeps the hypotheses that stand up, the worthiest first, as long as their points are free.
+  void choose() {
+    std::stable_sort(hypotheses_.begin(), hypotheses_.end(),
+                     [](const auto& a, const auto& b) { return a.worth() > b.worth(); });
+    for (const auto& hypothesis : hypotheses_) {
+      if (!hypothesis.stands()) continue;
+      const int shared = commonOf(hypothesis.explained, taken_);
+      if (shared > (1 - MIN_OWN_SHARE) * hypothesis.points) continue;
+      const std::string refusal = marginRefusal(hypothesis);
+      take(hypothesis.explained);
+      if (refusal.empty()) {
+        objects_.push_back(knownObject(hypothesis));
+        continue;
+      }
+      undecided_.push_back(hypothesis.explained);
+      for (std::size_t k = 0; k < clusters_.size(); ++k)
+        if (shareOfCluster(hypothesis.explained, k) >= MIN_SHARE_OF_CLUSTER) reasons_[k] = refusal;
+    }
+    hypotheses_.clear();
+  }
+
+  /// Matches what is left of clusters that objects were found in.
+  void judgeRest(const std::vector<Proposal>& proposals) {
+    for (const auto& proposal : proposals) {
+      if (!isWorthAnotherLook(proposal.labels)) continue;
+      std::vector<Surface> parts;
+      Surface all;
+      for (std::size_t p = 0; p < standing_.parts.size(); ++p) {
+        if (!isMember(standing_.cluster_of_part[p], proposal.labels)) continue;
+        Surface rest;
+        for (std::size_t i = 0; i < standing_.parts[p].size(); ++i) {
+          if (taken_[p][i]) continue;
+          append(standing_.parts[p], i, rest);
+          append(standing_.parts[p], i, all);
+        }
+        if (!rest.empty()) parts.push_back(std::move(rest));
+      }
+      const auto candidates = matchCluster(all, observation_, index_, match_);
+      if (candidates) judgeCandidates(*candidates, parts);
+    }
+  }
+
+  std::vector<SceneObject> objects() && {
+    for (std::size_t k = 0; k < clusters_.size(); ++k) {
+      double decided = shareOfCluster(taken_, k);
+      for (const auto& marks : undecided_) decided -= shareOfCluster(marks, k);
+      if (decided >= TAKEN_SHARE) continue;
+      objects_.push_back(
+          unknownObject(scene_, clusters_[k], static_cast<std::uint32_t>(k) + 2, table_));
+      objects_.back().reason = reasons_[k].empty() ? "part of several things" : reasons_[k];
+    }
+    std::stable_sort(objects_.begin(), objects_.end(), [](const auto& a, const auto& b) {
+      return a.labels.front() < b.labels.front();
+    });
+    return std::move(objects_);
+  }
+
+ private:
+  static bool isMember(int cluster, const std::vector<std::uint32_t>& labels) {
+    return std::find(labels.begin(), labels.end(), static_cast<std::uint32_t>(cluster) + 2) !=
+           labels.end();
+  }
+
+  /// Adds a hypothesis for each candidate that ICP holds on to; why the best one is refused.
+  std::string judgeCandidates(const std::vector<Candidate>& candidates,
+                              const std::vector<Surface>& parts) {
+    std::string reason;
+    double best_score = -1;
+    for (const auto& candidate : candidates) {
+      const int model = index_.find(candidate.name);
+      if (model < 0) {  // taken out of the database meanwhile
+        if (reason.empty()) reason = "what it looked like is no longer in the database";
+        continue;
+      }
+      if (candidate.promise < MIN_PROMISE_RATIO * candidates.front().promise) continue;
+      const auto alignment =
+          refinePose(sourceFor(model, candidate.T_camera_object, parts),
+                     index_.models()[model].surface, index_.grid(model), candidate.T_camera_object,
+                     refine_);
+      if (!alignment) {
+        if (reason.empty()) reason = alignment.reason;
+        continue;
+      }
+      Hypothesis hypothesis{model, alignment->T_camera_object,
+                            verifyPose(index_, model, alignment->T_camera_object, parts,
+                                       observation_, verify_),
+                            {},
+                            0};
+      if (hypothesis.verification.score > best_score) {
+        best_score = hypothesis.verification.score;
+        reason = hypothesis.stands()
+                     ? ""
+                     : candidate.name + ": " + hypothesis.verification.reason;
+      }
+      if (!hypothesis.stands()) continue;
+      for (const auto& part : standing_.parts)
+        hypothesis.explained.push_back(explainedPoints(
+            index_, model, hypothesis.T_camera_object, part, verify_.tolerance));
+      hypothesis.points = countOf(hypothesis.explained);
+      hypotheses_.push_back(std::move(hypothesis));
+    }
+    return reason;
+  }
+
+  /// The points near a model, which ICP is to lay it on.
+  Surface sourceFor(int model, const Eigen::Isometry3d& T_camera_object,
+                    const std::vector<Surface>& parts) const {
+    Surface near;
+    for (const auto& part : parts) {
+      const auto within = explainedPoints(index_, model, T_camera_object, part, REACH);
+      for (std::size_t i = 0; i < part.size(); ++i)
+        if (within[i]) append(part, i, near);
+    }
+    const std::size_t step = near.size() / MAX_SOURCE_POINTS + 1;
+    Surface source;
+    for (std::size_t i = 0; i < near.size(); i += step) append(near, i, source);
+    return source;
+  }
+
+  std::string marginRefusal(const Hypothesis& best) const {
+    for (const auto& other : hypotheses_) {
+      if (other.model == best.model || !other.stands()) continue;
+      if (commonOf(other.explained, best.explained) < RIVAL_OVERLAP * best.points) continue;
+      const double rival_score =
+          other.verification.score * std::min(1.0, static_cast<double>(other.points) / best.points);
+      const double margin = best.verification.score - rival_score;
+      if (margin >= verify_.min_margin) continue;
+      char text[200];
+      std::snprintf(text, sizeof text, "%s: margin %.2f over %s, limit %.2f",
+                    index_.models()[best.model].name.c_str(), margin,
+                    index_.models()[other.model].name.c_str(), verify_.min_margin);
+      return text;
+    }
+    return "";
+  }
+
+  void take(const Marks& marks) {
+    for (std::size_t p = 0; p < marks.size(); ++p)
+      for (std::size_t i = 0; i < marks[p].size(); ++i)
+        if (marks[p][i]) taken_[p][i] = true;
+  }
+
+  double shareOfCluster(const Marks& marks, std::size_t cluster) const {
+    double marked = 0, all = 0;
+    for (std::size_t p = 0; p < marks.size(); ++p) {
+      if (standing_.cluster_of_part[p] != static_cast<int>(cluster)) continue;
+      marked += countOf(marks[p]);
+      all += static_cast<double>(marks[p].size());
+    }
+    return all > 0 ? marked / all : 0;
+  }
+
+  bool isWorthAnotherLook(const std::vector<std::uint32_t>& labels) const {
+    bool begun = false, rest = true;
+    for (const auto label : labels) {
+      const double taken = shareOfCluster(taken_, label - 2);
+      begun = begun || taken > 1 - MIN_OWN_SHARE;
+      rest = rest && taken < 1 - MIN_LEFT_SHARE;
+    }
+    return begun && rest;
+  }
+
+  SceneObject knownObject(const Hypothesis& hypothesis) const {
+    SceneObject object;
+    object.name = index_.models()[hypothesis.model].name;
+    object.score = hypothesis.verification.score;
+    object.T_camera_object = hypothesis.T_camera_object;
+    object.fitness = hypothesis.verification.agreement.fitness;
+    object.visible = hypothesis.verification.agreement.visible;
+    object.explained = hypothesis.verification.agreement.explained;
+    std::vector<double> shares;
+    for (std::size_t k = 0; k < clusters_.size(); ++k)
+      shares.push_back(shareOfCluster(hypothesis.explained, k));
+    const double most = *std::max_element(shares.begin(), shares.end());
+    std::vector<Eigen::Vector3f> points;
+    for (std::size_t k = 0; k < clusters_.size(); ++k) {
+      if (shares[k] < std::min(most, MIN_SHARE_OF_CLUSTER)) continue;
+      object.labels.push_back(static_cast<std::uint32_t>(k) + 2);
+      addPoints(hypothesis, k, points);
+    }
+    object.points = static_cast<int>(points.size());
+    object.box = boxAround(points, up());
+    return object;
+  }
+
+  /// The points of a cluster that an object explains; all of them where it explains nearly all.
+  void addPoints(const Hypothesis& hypothesis, std::size_t cluster,
+                 std::vector<Eigen::Vector3f>& points) const {
+    const auto& grid = index_.grid(hypothesis.model);
+    const auto& surface = index_.models()[hypothesis.model].surface;
+    const Eigen::Isometry3f T_object_camera = hypothesis.T_camera_object.inverse().cast<float>();
+    const auto limit = static_cast<float>(verify_.tolerance);
+    for (const int i : clusters_[cluster]) {
+      const Eigen::Vector3f p = T_object_camera * scene_.point(i);
+      const int nearest = grid.nearest(p);
+      if (nearest >= 0 && (surface.points[nearest] - p).norm() <= limit)
+        points.push_back(scene_.point(i));
+    }
+  }
+
+  std::optional<Eigen::Vector3d> up() const {
+    if (!table_) return std::nullopt;
+    return table_->plane.head<3>();
+  }
+
+  const Cloud& scene_;
+  const std::vector<Indices>& clusters_;
+  const std::optional<Table>& table_;
+  const ModelIndex& index_;
+  const MatchOptions& match_;
+  const RefineOptions& refine_;
+  const VerifyOptions& verify_;
+  Observation observation_;
+  Standing standing_;
+  std::vector<Hypothesis> hypotheses_;
+  Marks taken_;                       ///< points of objects, known or undecided
+  std::vector<Marks> undecided_;      ///< points of things with too little margin
+  std::vector<SceneObject> objects_;  ///< the known ones
+  std::vector<std::string> reasons_;  ///< of each cluster, should it remain unknown
+};
+
+}  // namespace
+
+SceneObject unknownObject(const Cloud& scene, const Indices& cluster, std::uint32_t label,
+                          const std::optional<Table>& table) {
+  SceneObject object;
+  object.labels = {label};
+  object.points = static_cast<int>(cluster.size());
+  std::optional<Eigen::Vector3d> up;
+  if (table) up = table->plane.head<3>();
+  object.box = boxAround(pointsAt(scene, cluster), up);
+  object.T_camera_object = object.box.T_camera_box;
+  return object;
+}
+
+std::vector<SceneObject> decideObjects(const Cloud& scene, const std::vector<Indices>& clusters,
+                                       const std::vector<Proposal>& proposals,
+                                       const std::optional<Table>& table, const ModelIndex& index,
+                                       const MatchOptions& match, const RefineOptions& refine,
+                                       const VerifyOptions& verify) {
+  Decision decision(scene, clusters, table, index, match, refine, verify);
+  for (const auto& proposal : proposals) decision.judge(proposal);
+  decision.choose();
+  decision.judgeRest(proposals);
+  decision.choose();
+  return std::move(decision).objects();
+}
+
+}  // namespace tabletop_perception

@@ -1,0 +1,155 @@
+#include "tabletop_perception/sparse_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "tabletop_perception/mesh.h"
+#include "tabletop_perception/rests.h"
+#include "tabletop_perception/symmetry.h"
+
+namespace tabletop_perception {
+namespace {
+
+constexpr double MIN_LEAF = 0.006;      // spacing of the points of a small model [m]
+constexpr double LEAF_RATIO = 0.05;     // and of a large one, share of its diameter
+constexpr float MIN_FACING = 0.2f;      // cosine to the line of sight; flatter points say nothing
+constexpr double RASTER_CELL = 0.006;   // in which a model hides its own back [m]
+constexpr float HIDING_GAP = 0.009f;    // how much nearer the hiding part lies [m]
+constexpr int MAX_RASTER = 512;         // cells along one side of it
+constexpr double MIN_PROBABILITY = 0.01;  // of a stand that is worth a look
+constexpr int MAX_STANDS = 12;
+constexpr double SAME_STAND = 0.17;  // stands that tilt less from each other are one [rad]
+constexpr int YAWS = 24;             // turns about the vertical, within the reach of ICP
+constexpr double SAME_YAW = 0.13;    // turns nearer than this are one, up to the symmetry [rad]
+
+/// Orthographic depth of a surface seen from a direction.
+class DepthRaster {
+ public:
+  DepthRaster(const Surface& surface, const Eigen::Vector3f& direction)
+      : to_raster_(rotationBetween(direction.cast<double>(), Eigen::Vector3d::UnitZ())
+                       .cast<float>()) {
+    Eigen::Vector3f high = to_raster_ * surface.points.front();
+    low_ = high;
+    for (const auto& p : surface.points) {
+      low_ = low_.cwiseMin(to_raster_ * p);
+      high = high.cwiseMax(to_raster_ * p);
+    }
+    const float wide = (high - low_).head<2>().maxCoeff();
+    cell_ = std::max(static_cast<float>(RASTER_CELL), wide / MAX_RASTER);
+    side_ = static_cast<int>(wide / cell_) + 1;
+    nearest_.assign(static_cast<std::size_t>(side_) * side_,
+                    -std::numeric_limits<float>::max());
+    for (const auto& p : surface.points) {
+      const Eigen::Vector3f q = to_raster_ * p;
+      nearest_[cellOf(q)] = std::max(nearest_[cellOf(q)], q.z());
+    }
+  }
+
+  /// `slope`: cosine of the point's normal to the line of sight.
+  bool hides(const Eigen::Vector3f& p, float slope) const {
+    const Eigen::Vector3f q = to_raster_ * p;
+    return q.z() < nearest_[cellOf(q)] - HIDING_GAP - cell_ * (1 / slope - 1);
+  }
+
+ private:
+  std::size_t cellOf(const Eigen::Vector3f& q) const {
+    const int u = static_cast<int>((q.x() - low_.x()) / cell_);
+    const int v = static_cast<int>((q.y() - low_.y()) / cell_);
+    return static_cast<std::size_t>(std::clamp(v, 0, side_ - 1)) * side_ +
+           std::clamp(u, 0, side_ - 1);
+  }
+
+  Eigen::Matrix3f to_raster_;
+  Eigen::Vector3f low_;
+  float cell_ = 0;
+  int side_ = 0;
+  std::vector<float> nearest_;
+};
+
+SparseModel::Side sideOf(const Surface& dense, const Surface& sparse,
+                         const Eigen::Vector3f& direction) {
+  const DepthRaster raster(dense, direction);
+  SparseModel::Side side;
+  side.direction = direction;
+  Eigen::AlignedBox3f box;
+  for (std::size_t i = 0; i < sparse.size(); ++i) {
+    const float slope = sparse.normals[i].dot(direction);
+    if (slope < MIN_FACING || raster.hides(sparse.points[i], slope)) continue;
+    side.visible.push_back(static_cast<int>(i));
+    side.centroid += sparse.points[i];
+    box.extend(sparse.points[i]);
+  }
+  if (side.visible.empty()) return side;
+  side.centroid /= static_cast<float>(side.visible.size());
+  side.extent = box.diagonal().norm();
+  return side;
+}
+
+/// The yaws that do not look alike for an object that stands like this.
+std::vector<double> distinctYaws(const Eigen::Matrix3d& R_table_object,
+                                 const std::vector<Eigen::Isometry3d>& motions) {
+  std::vector<double> yaws;
+  const auto turned = [&](double yaw) -> Eigen::Matrix3d {
+    return Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * R_table_object;
+  };
+  for (int k = 0; k < YAWS; ++k) {
+    const double yaw = 2 * M_PI * k / YAWS;
+    const bool known = std::any_of(yaws.begin(), yaws.end(), [&](double other) {
+      const Eigen::Matrix3d between = turned(other).transpose() * turned(yaw);
+      return std::any_of(motions.begin(), motions.end(), [&](const Eigen::Isometry3d& motion) {
+        return angleOf(between * motion.linear()) < SAME_YAW;
+      });
+    });
+    if (!known) yaws.push_back(yaw);
+  }
+  return yaws;
+}
+
+std::vector<SparseModel::Stand> standsOf(const ObjectModel& model) {
+  std::vector<Rest> rests;
+  try {
+    rests = stableRests(model.surface.points);
+  } catch (const std::invalid_argument&) {
+    return {};  // a flat part of a surface
+  }
+  const auto motions = symmetryMotions(model.symmetry);
+  std::vector<SparseModel::Stand> stands;
+  for (const auto& rest : rests) {
+    if (rest.probability < MIN_PROBABILITY || stands.size() == MAX_STANDS) break;
+    const Eigen::Matrix3d R = rest.T_table_object.linear();
+    const Eigen::Vector3d up = R.row(2);
+    const bool known = std::any_of(stands.begin(), stands.end(), [&](const auto& other) {
+      const Eigen::Vector3d other_up = other.R_table_object.row(2);
+      return std::any_of(motions.begin(), motions.end(), [&](const Eigen::Isometry3d& motion) {
+        return (motion.linear() * up).dot(other_up) > std::cos(SAME_STAND);
+      });
+    });
+    if (known) continue;
+    double top = 0;
+    for (const auto& p : model.surface.points)
+      top = std::max(top, (rest.T_table_object * p.cast<double>()).z());
+    stands.push_back({R, rest.T_table_object.translation().z(), top, distinctYaws(R, motions)});
+  }
+  return stands;
+}
+
+}  // namespace
+
+const SparseModel::Side& SparseModel::sideTowards(const Eigen::Vector3f& direction) const {
+  return *std::max_element(sides.begin(), sides.end(), [&](const Side& a, const Side& b) {
+    return a.direction.dot(direction) < b.direction.dot(direction);
+  });
+}
+
+SparseModel makeSparse(const ObjectModel& model) {
+  SparseModel sparse;
+  sparse.surface = downsampled(model.surface, std::max(MIN_LEAF, LEAF_RATIO * model.diameter));
+  for (const auto& direction : icosphereDirections())
+    sparse.sides.push_back(sideOf(model.surface, sparse.surface, direction.cast<float>()));
+  sparse.stands = standsOf(model);
+  return sparse;
+}
+
+}  // namespace tabletop_perception
