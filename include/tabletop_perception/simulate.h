@@ -53,7 +53,8 @@ struct SimulatedScene {
 };
 
 /// A scene of objects drawn from `objects`, each once before any comes again, that stand on a table
-/// (placeObjects) and are all in the picture as far as others do not hide them. Throws
+/// (placeObjects) and are all in the picture; the camera is moved until it sees a tenth of each,
+/// where it can. Throws
 /// std::invalid_argument without objects and when fewer than options.objects find room, with the
 /// number of those that do.
 SimulatedScene simulateScene(const TableObjects& objects, const SimulationOptions& options,

@@ -9,10 +9,11 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr int ATTEMPTS = 10;              // to find room for all objects, or a place for the camera
+constexpr int ATTEMPTS = 30;              // to find room for all objects, or a place for the camera
 constexpr double TABLE_THICKNESS = 0.03;  // [m]
 constexpr double FLOOR_SIDE = 6;          // [m]
 constexpr double MARGIN = 8;              // of the picture that objects keep clear of [pixels]
+constexpr double MIN_VISIBLE = 0.1;       // of each object, where the camera finds a place for it
 constexpr std::uint32_t TABLE_COLOR = 0xA88C6C;
 constexpr std::uint32_t FLOOR_COLOR = 0x5A5A60;
 constexpr std::uint32_t PLAIN_COLOR = 0xB8B8B8;  // of objects without colours
@@ -30,6 +31,11 @@ Mesh slab(double x, double y, double height, std::uint32_t color) {
                 {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
   mesh.colors.assign(mesh.vertices.size(), color);
   return mesh;
+}
+
+/// Of the pixels of an object.
+std::uint16_t labelOf(std::size_t object) {
+  return static_cast<std::uint16_t>(SimulatedScene::TABLE + 1 + object);
 }
 
 /// Indices in a random order, each as often as another or once more.
@@ -82,25 +88,6 @@ bool inPicture(const TableObject& object, const Eigen::Isometry3d& T_camera_obje
   });
 }
 
-/// A random place of the camera from where all objects are in the picture.
-Eigen::Isometry3d chooseCamera(const TableObjects& objects, const std::vector<Placement>& placed,
-                               const SimulationOptions& options, Random& random) {
-  double min_distance = options.min_distance;
-  Eigen::Isometry3d T_camera_table;
-  for (int attempt = 0; attempt < ATTEMPTS; ++attempt) {
-    const double distance = random.uniform(min_distance, options.max_distance);
-    const double pitch_deg = random.uniform(options.min_pitch_deg, options.max_pitch_deg);
-    T_camera_table = cameraPose(distance, pitch_deg * M_PI / 180, random.uniform(-M_PI, M_PI));
-    if (std::all_of(placed.begin(), placed.end(), [&](const Placement& placement) {
-          return inPicture(*objects[placement.object], T_camera_table * placement.T_table_object,
-                           options.projection);
-        }))
-      break;
-    min_distance = distance;  // farther, then
-  }
-  return T_camera_table;
-}
-
 /// What stands in a scene: meshes with their poses and labels.
 class Stage {
  public:
@@ -114,11 +101,12 @@ class Stage {
   struct Picture {
     Cloud cloud;
     std::vector<std::uint16_t> labels;
-    std::vector<std::size_t> alone;  ///< pixels that would show each part by itself
+    std::vector<std::size_t> alone;    ///< pixels that would show each part by itself
+    std::vector<std::size_t> visible;  ///< pixels with each part's label
   };
 
   Picture seenFrom(const Eigen::Isometry3d& T_camera_table) const {
-    Picture picture{Cloud(projection_.width, projection_.height, true), {}, {}};
+    Picture picture{Cloud(projection_.width, projection_.height, true), {}, {}, {}};
     picture.labels.assign(picture.cloud.size(), 0);
     for (const auto& part : parts_) {
       const Cloud layer = part.renderer->render(T_camera_table * part.T_table_mesh, projection_);
@@ -131,6 +119,9 @@ class Stage {
         picture.labels[i] = part.label;
       }
     }
+    for (const auto& part : parts_)
+      picture.visible.push_back(static_cast<std::size_t>(
+          std::count(picture.labels.begin(), picture.labels.end(), part.label)));
     return picture;
   }
 
@@ -143,6 +134,43 @@ class Stage {
   Projection projection_;
   std::vector<Part> parts_;
 };
+
+/// The share of each part that others do not hide.
+std::vector<double> visibleShares(const Stage::Picture& picture) {
+  std::vector<double> shares;
+  for (std::size_t part = 0; part < picture.alone.size(); ++part)
+    shares.push_back(picture.alone[part] == 0
+                         ? 0
+                         : static_cast<double>(picture.visible[part]) / picture.alone[part]);
+  return shares;
+}
+
+/// A random place of the camera from where all objects are in the picture and none is hidden
+/// almost; after many attempts the one where most is seen of the most hidden.
+Eigen::Isometry3d chooseCamera(const TableObjects& objects, const std::vector<Placement>& placed,
+                               const Stage& stage, const SimulationOptions& options,
+                               Random& random) {
+  double min_distance = options.min_distance;
+  Eigen::Isometry3d T_camera_table, best;
+  double most_visible = -1;
+  for (int attempt = 0; attempt < ATTEMPTS; ++attempt) {
+    const double distance = random.uniform(min_distance, options.max_distance);
+    const double pitch_deg = random.uniform(options.min_pitch_deg, options.max_pitch_deg);
+    T_camera_table = cameraPose(distance, pitch_deg * M_PI / 180, random.uniform(-M_PI, M_PI));
+    const bool all_in = std::all_of(placed.begin(), placed.end(), [&](const Placement& placement) {
+      return inPicture(*objects[placement.object], T_camera_table * placement.T_table_object,
+                       options.projection);
+    });
+    if (!all_in) min_distance = distance;  // farther, then
+    const auto shares = visibleShares(stage.seenFrom(T_camera_table));
+    const double visible = all_in ? *std::min_element(shares.begin(), shares.end()) : 0;
+    if (visible <= most_visible) continue;
+    most_visible = visible;
+    best = T_camera_table;
+    if (visible >= MIN_VISIBLE) break;
+  }
+  return best;
+}
 
 /// Darkens surfaces that are seen at an angle, as if the light came from beside the camera.
 void shade(Cloud& cloud) {
@@ -164,19 +192,19 @@ SimulatedScene simulateScene(const TableObjects& objects, const SimulationOption
                              Random& random) {
   if (objects.empty()) throw std::invalid_argument("there is no object to put on the table");
   const auto placed = placeAll(objects, options, random);
-  const auto T_camera_table = chooseCamera(objects, placed, options, random);
+  Stage stage(options.projection);
+  for (std::size_t i = 0; i < placed.size(); ++i)
+    stage.add(objects[placed[i].object]->renderer, placed[i].T_table_object, labelOf(i));
+  const auto T_camera_table = chooseCamera(objects, placed, stage, options, random);
 
   const MeshRenderer table(slab(options.table_x, options.table_y, TABLE_THICKNESS, TABLE_COLOR));
   const MeshRenderer floor(slab(FLOOR_SIDE, FLOOR_SIDE, TABLE_THICKNESS, FLOOR_COLOR));
   const Eigen::Isometry3d T_table_floor(Eigen::Translation3d(0, 0, -options.table_height));
-  Stage stage(options.projection);
-  for (std::size_t i = 0; i < placed.size(); ++i)
-    stage.add(objects[placed[i].object]->renderer, placed[i].T_table_object,
-              static_cast<std::uint16_t>(SimulatedScene::TABLE + 1 + i));
   stage.add(table, Eigen::Isometry3d::Identity(), SimulatedScene::TABLE);
   stage.add(floor, T_table_floor, 0);
 
   auto picture = stage.seenFrom(T_camera_table);
+  const auto shares = visibleShares(picture);
   const auto projected = stage.seenFrom(projectorPose(options.sensor) * T_camera_table);
   shade(picture.cloud);
 
@@ -189,11 +217,9 @@ SimulatedScene simulateScene(const TableObjects& objects, const SimulationOption
     SimulatedObject object;
     object.name = objects[placed[i].object]->name;
     object.T_camera_object = T_camera_table * placed[i].T_table_object;
-    object.label = static_cast<std::uint16_t>(SimulatedScene::TABLE + 1 + i);
-    object.visible_pixels = static_cast<std::size_t>(
-        std::count(picture.labels.begin(), picture.labels.end(), object.label));
-    if (picture.alone[i] > 0)
-      object.visible = static_cast<double>(object.visible_pixels) / picture.alone[i];
+    object.label = labelOf(i);
+    object.visible_pixels = picture.visible[i];
+    object.visible = shares[i];
     scene.objects.push_back(std::move(object));
   }
   scene.labels = std::move(picture.labels);
