@@ -1,10 +1,11 @@
 #include "tabletop_perception/cluster.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
-#include "tabletop_perception/kd_tree.h"
 #include "union_find.h"
 #include "voxel_numbers.h"
 
@@ -102,14 +103,42 @@ void joinAcrossSteps(const Cloud& points, double tolerance, UnionFind& sets) {
   }
 }
 
-/// Joins every point with all others within the tolerance.
-UnionFind joinThroughTree(const Cloud& points, double tolerance) {
+/// Joins every point with all others within the tolerance, without a search for each: cubes are so
+/// small that the points of one are all near each other, and two of them are compared until the
+/// first pair that is near. (Fast Euclidean Clustering, Cao et al. 2022, searches about fewer
+/// points too, but leaves some that are near apart.)
+UnionFind joinAmongCubes(const Cloud& points, double tolerance) {
+  const double side = 0.9999 * tolerance / std::sqrt(3.0);  // less than exact: for the rounding
+  const auto squared_tolerance = static_cast<float>(tolerance * tolerance);
   UnionFind sets(points.size());
-  const KdTree tree(pointsAt(points, validIndices(points)));
-  std::vector<KdTree::Neighbor> within;
+  VoxelNumbers cubes;
+  std::vector<int> first_point;                    // by cube
+  std::vector<int> next_point(points.size(), -1);  // of the same cube, by point; -1: none
   for (int i = 0; i < static_cast<int>(points.size()); ++i) {
-    tree.within(points.point(i), tolerance, within);
-    for (const auto& neighbor : within) sets.join(i, neighbor.index);
+    const int cube = cubes.numberOf(VoxelKey::of(points.point(i), 1.0 / side));
+    if (cube == static_cast<int>(first_point.size())) {
+      first_point.push_back(i);
+      continue;
+    }
+    const int first = first_point[cube];
+    sets.join(first, i);
+    next_point[i] = std::exchange(next_point[first], i);
+  }
+
+  const auto near = [&](int cube, int other) {
+    for (int i = first_point[cube]; i >= 0; i = next_point[i])
+      for (int j = first_point[other]; j >= 0; j = next_point[j])
+        if ((points.point(i) - points.point(j)).squaredNorm() <= squared_tolerance) return true;
+    return false;
+  };
+  for (int cube = 0; cube < cubes.size(); ++cube) {
+    const VoxelKey key = cubes.key(cube);
+    for (int n = 0; n < 62; ++n) {  // half of the cubes around it, two deep
+      const int other = cubes.find({key.x + n % 5 - 2, key.y + n / 5 % 5 - 2, key.z + n / 25 - 2});
+      if (other < 0) continue;
+      const int i = first_point[cube], j = first_point[other];
+      if (sets.root(i) != sets.root(j) && near(cube, other)) sets.join(i, j);
+    }
   }
   return sets;
 }
@@ -123,7 +152,7 @@ std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& o
   const auto tolerance = static_cast<float>(options.tolerance);
   UnionFind sets = cloud.organized()
                        ? joinOverGrid(points, valid, cloud.width, tolerance * tolerance)
-                       : joinThroughTree(points, options.tolerance);
+                       : joinAmongCubes(points, options.tolerance);
   if (cloud.organized()) joinAcrossSteps(points, options.tolerance, sets);
   std::vector<int> sizes(points.size(), 0);  // by root
   for (std::size_t i = 0; i < points.size(); ++i) ++sizes[sets.root(static_cast<int>(i))];
