@@ -117,19 +117,23 @@ NormalsQuality qualityOf(const Cloud& cloud, const Table& table, NormalAt normal
   for (const int i : table.inliers)
     if (const auto angle = angleDeg(normalAt(i), table.plane.head<3>())) errors.push_back(*angle);
   if (errors.empty()) return quality;
-  const auto p95 = errors.begin() + static_cast<std::ptrdiff_t>(0.95 * errors.size());
-  std::nth_element(errors.begin(), p95, errors.end());
-  quality.p95_error_deg = *p95;
+  std::sort(errors.begin(), errors.end());
+  quality.median_error_deg = errors[errors.size() / 2];
+  quality.p95_error_deg = errors[static_cast<std::size_t>(0.95 * errors.size())];
   return quality;
 }
 
-void rateNormals(const Cloud& cloud, const Table& table, SceneTiming& timing) {
-  const Normals ours = computeNormals(cloud, Eigen::Vector3f::Zero(), NormalsOptions());
-  timing.our_normals = qualityOf(
-      cloud, table, [&](int i) { return Eigen::Vector3d(ours.x[i], ours.y[i], ours.z[i]); });
-  const auto stock = stock::normals(stock::pointsOf(cloud));
-  timing.pcl_normals = qualityOf(cloud, table, [&](int i) {
-    return Eigen::Vector3d(stock[i].normal_x, stock[i].normal_y, stock[i].normal_z);
+NormalsQuality ourQuality(const Cloud& cloud, const Table& table, const NormalsOptions& options) {
+  const Normals normals = computeNormals(cloud, Eigen::Vector3f::Zero(), options);
+  return qualityOf(cloud, table, [&](int i) {
+    return Eigen::Vector3d(normals.x[i], normals.y[i], normals.z[i]);
+  });
+}
+
+NormalsQuality stockQuality(const Cloud& cloud, const Table& table, const std::string& method) {
+  const auto normals = stock::normals(stock::pointsOf(cloud), method);
+  return qualityOf(cloud, table, [&](int i) {
+    return Eigen::Vector3d(normals[i].normal_x, normals[i].normal_y, normals[i].normal_z);
   });
 }
 
@@ -165,6 +169,30 @@ void timeWholeFrame(const Cloud& cloud, const pcl::PCLPointCloud2& message,
       "normals", "IntegralImageNormalEstimation",
       [&] { return computeNormals(cloud, Eigen::Vector3f::Zero(), NormalsOptions()); },
       [&] { return stock::normals(points); });
+}
+
+void compareNormals(const Cloud& cloud, const Table& table, int runs, SceneTiming& timing) {
+  const stock::Points::ConstPtr points = stock::pointsOf(cloud);
+  for (const std::string method :
+       {"window", "average_depth_change", "average_3d_gradient", "covariance"}) {
+    NormalsOptions options;
+    options.method = method;
+    const auto ours =
+        discarding([&] { return computeNormals(cloud, Eigen::Vector3f::Zero(), options); });
+    NormalsTiming entry;
+    entry.method = method;
+    entry.our_quality = ourQuality(cloud, table, options);
+    if (method == "window") {
+      entry.ours = timeAlone(runs, ours);
+    } else {
+      const auto pair = timeInTurn(method, "IntegralImageNormalEstimation", runs, ours,
+                                   discarding([&] { return stock::normals(points, method); }));
+      entry.ours = pair.ours;
+      entry.pcl = pair.pcl;
+      entry.pcl_quality = stockQuality(cloud, table, method);
+    }
+    timing.normals_methods.push_back(std::move(entry));
+  }
 }
 
 /// `standing`: the points of `filtered` that are to be clustered.
@@ -226,7 +254,11 @@ SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector
     const auto clusters = extractClusters(standing, options.cluster);
     timing.split = timeAlone(
         runs, discarding([&] { return splitClusters(standing, clusters, options.split); }));
-    if (scene.cloud.organized()) rateNormals(scene.cloud, *table, timing);
+    if (scene.cloud.organized()) {
+      timing.our_normals = ourQuality(scene.cloud, *table, NormalsOptions());
+      timing.pcl_normals = stockQuality(scene.cloud, *table, "covariance");
+      compareNormals(scene.cloud, *table, runs, timing);
+    }
   }
   if (models)
     timing.recognition = timeAlone(
