@@ -14,14 +14,14 @@ namespace tabletop_perception {
 struct NormalsOptions {
   /// Organised clouds: "window" by the covariance of a window masked by range; the others by
   /// integral images over squares that end at jumps in range: "average_depth_change",
-  /// "average_3d_gradient", "covariance" (Holzer et al. 2012). docs/normals.md compares them.
+  /// "average_3d_gradient", "covariance" (Holzer et al. 2012). docs/performance.md compares them.
   std::string method = "window";
   int window = 7;              ///< "window": side of the square of neighbours, in steps (odd)
   int step = 2;                ///< "window": every step-th pixel gets a normal of its own, from as
                                ///< sparse a window; those between share one with the nearest of
                                ///< these on the same surface [pixels]
   double smoothing = 14;       ///< integral images: side of the square at 1 m of range; it grows
-                               ///< with the square of the range [pixels]
+                               ///< with the range [pixels]
   double depth_change = 0.02;  ///< organised: neighbours that differ more in range do not count;
                                ///< share of the range
   int neighbors = 20;          ///< unorganised: nearest neighbours looked at

@@ -224,7 +224,7 @@ Normals computeWith(const Method& method, const Cloud& cloud, const std::vector<
       const int i = v * cloud.width + u;
       const int clear = distances(v, u) - 1;  // half side of the largest square without an edge
       if (clear < 1) continue;
-      const float wanted = std::min<float>(radius_at_1m * ranges[i] * ranges[i], MAX_RADIUS);
+      const float wanted = std::min<float>(radius_at_1m * ranges[i], MAX_RADIUS);
       const int radius = std::clamp(static_cast<int>(wanted + 0.5f), 1, clear);
       const Normal normal = method(v, u, radius);
       const float length = normal.direction.norm();

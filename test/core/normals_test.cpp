@@ -300,8 +300,8 @@ TEST(IntegralNormals, SquaresLeaveOutPixelsWithoutAPoint) {
   }
 }
 
-TEST(IntegralNormals, SquaresGrowWithTheSquareOfTheRange) {
-  // Noise averages out over larger squares: at twice the range, as at four times the smoothing.
+TEST(IntegralNormals, SquaresGrowWithTheRange) {
+  // Noise averages out over larger squares: at twice the range, as at twice the smoothing.
   const auto meanError = [](double range, const char* method, double smoothing) {
     std::mt19937 random(3);
     std::normal_distribution<double> noise(0, 0.001 * range);
@@ -318,7 +318,7 @@ TEST(IntegralNormals, SquaresGrowWithTheSquareOfTheRange) {
   for (const char* method : INTEGRAL) {
     const double near = meanError(1, method, 5), far = meanError(2, method, 5);
     EXPECT_LT(far, 0.5 * near) << method;
-    EXPECT_NEAR(far, meanError(1, method, 20), 0.1 * far) << method;
+    EXPECT_NEAR(far, meanError(1, method, 10), 0.1 * far) << method;
   }
 }
 
