@@ -13,6 +13,7 @@
 
 #include "convex_hull.h"
 #include "plane_fit.h"
+#include "plane_raster.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/planes.h"
 
@@ -108,65 +109,38 @@ class Flattener {
   Eigen::Matrix<float, 2, 4> to_plane_;
 };
 
-/// The connected patches of a table among points of its plane. Objects and their shadows cut one
-/// table into several; a plane also meets, by chance, a few points of other things.
-class TablePatches {
- public:
-  explicit TablePatches(const std::vector<Eigen::Vector2f>& flat) {
-    low_ = flat.front();
-    Eigen::Vector2f high = low_;
-    for (const auto& p : flat) {
-      low_ = low_.cwiseMin(p);
-      high = high.cwiseMax(p);
-    }
-    const float cell = std::max<float>(PATCH_CELL, (high - low_).maxCoeff() / MAX_CELLS);
-    cells_per_metre_ = 1 / cell;
-    const cv::Point last = cellOf(high);
-    cv::Mat1b occupied = cv::Mat1b::zeros(last.y + 1, last.x + 1);
-    for (const auto& p : flat) occupied(cellOf(p)) = 1;
-    cv::dilate(occupied, occupied, cv::Mat1b::ones(PATCH_GAP + 1, PATCH_GAP + 1));
+/// Which cells belong to the connected patches of a table, by cell. Objects and their shadows cut
+/// one table into several; a plane also meets, by chance, a few points of other things.
+std::vector<std::uint8_t> patchesOf(const PlaneRaster& raster) {
+  const std::vector<int> points = pointsByCell(raster);
+  cv::Mat1b occupied(raster.rows, raster.columns);
+  std::transform(points.begin(), points.end(), occupied.begin(),
+                 [](int count) { return static_cast<std::uint8_t>(count > 0); });
+  cv::dilate(occupied, occupied, cv::Mat1b::ones(PATCH_GAP + 1, PATCH_GAP + 1));
+  cv::Mat1i patches;
+  std::vector<int> sizes(cv::connectedComponents(occupied, patches, 8, CV_32S));
+  for (std::size_t cell = 0; cell < points.size(); ++cell)
+    sizes[patches(static_cast<int>(cell))] += points[cell];
+  const double least = MIN_PATCH_SHARE * *std::max_element(sizes.begin(), sizes.end());
+  std::vector<std::uint8_t> kept(points.size());
+  for (std::size_t cell = 0; cell < points.size(); ++cell)
+    kept[cell] = points[cell] > 0 && sizes[patches(static_cast<int>(cell))] >= least;
+  return kept;
+}
 
-    std::vector<int> counts(cv::connectedComponents(occupied, patches_, 8, CV_32S));
-    for (const auto& p : flat) ++counts[patches_(cellOf(p))];
-    const double least = MIN_PATCH_SHARE * *std::max_element(counts.begin(), counts.end());
-    for (const int count : counts) kept_.push_back(count >= least);
-  }
-
-  bool contains(const Eigen::Vector2f& p) const { return kept_[patches_(cellOf(p))]; }
-
- private:
-  cv::Point cellOf(const Eigen::Vector2f& p) const {
-    return {static_cast<int>((p.x() - low_.x()) * cells_per_metre_),
-            static_cast<int>((p.y() - low_.y()) * cells_per_metre_)};
-  }
-
-  Eigen::Vector2f low_;
-  float cells_per_metre_ = 0;
-  cv::Mat1i patches_;
-  std::vector<bool> kept_;
-};
-
-/// The first and the last of the given points in each row of an organised cloud that lie in a
-/// patch; of an unorganised cloud all that do. A row of pixels is a line on the plane, so no other
-/// point can be a corner of the hull.
-std::vector<Eigen::Vector2f> outlineOf(const Cloud& cloud, const Indices& indices,
-                                       const std::vector<Eigen::Vector2f>& flat,
-                                       const TablePatches& patches) {
-  std::vector<Eigen::Vector2f> outline;
-  std::size_t begin = 0;
-  while (begin < indices.size()) {
-    std::size_t end = begin + 1;
-    if (cloud.organized()) {
-      const int next_row = (indices[begin] / cloud.width + 1) * cloud.width;
-      const auto from = indices.begin() + static_cast<std::ptrdiff_t>(begin);
-      end = std::lower_bound(from, indices.end(), next_row) - indices.begin();
-    }
-    std::size_t first = begin, last = end - 1;
-    while (first < end && !patches.contains(flat[first])) ++first;
-    while (last > first && !patches.contains(flat[last])) --last;
-    if (first < end) outline.push_back(flat[first]);
-    if (last > first) outline.push_back(flat[last]);
-    begin = end;
+/// The first and the last point of a patch in each row of an organised cloud; of an unorganised
+/// cloud all of them. A row of pixels is a line on the plane, so no other point can be a corner of
+/// the hull.
+Indices outlineOf(const Cloud& cloud, const PlaneRaster& raster,
+                  const std::vector<std::uint8_t>& patches) {
+  const int length = cloud.organized() ? cloud.width : 1;
+  Indices outline;
+  for (int begin = 0; begin < static_cast<int>(cloud.size()); begin += length) {
+    int first = begin, last = begin + length - 1;
+    while (first <= last && !patches[raster.cell[first]]) ++first;
+    while (last > first && !patches[raster.cell[last]]) --last;
+    if (first <= last) outline.push_back(first);
+    if (first < last) outline.push_back(last);
   }
   return outline;
 }
@@ -191,17 +165,29 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& plane, doub
   table.plane = fit->plane;
   table.rms = fit->rms;
   table.T_camera_table = frameOnPlane(table.plane, forward);
+  const PlaneRaster raster =
+      rasterOver(cloud, table.T_camera_table, options.distance, PATCH_CELL, MAX_CELLS);
+  const auto patches = patchesOf(raster);
   const Flattener flatten(table.T_camera_table);
-  const Indices near = pointsNearPlane(cloud, table.plane, options.distance);
-  std::vector<Eigen::Vector2f> flat;
-  flat.reserve(near.size());
-  for (const int i : near) flat.push_back(flatten(cloud, i));
-  table.hull = convexHullOf(outlineOf(cloud, near, flat, TablePatches(flat)));
+  std::vector<Eigen::Vector2f> outline;
+  for (const int i : outlineOf(cloud, raster, patches)) outline.push_back(flatten(cloud, i));
+  table.hull = convexHullOf(outline);
   if (table.hull.empty()) return Found<Table>::none("a plane whose points lie on one line");
 
   const ConvexRegion region(table.hull, HULL_SLACK);
-  for (std::size_t k = 0; k < near.size(); ++k)
-    if (region.contains(flat[k].x(), flat[k].y())) table.inliers.push_back(near[k]);
+  const auto isInlier = [&](int i) {
+    if (patches[raster.cell[i]]) return true;
+    if (raster.cell[i] == 0) return false;
+    const Eigen::Vector2f p = flatten(cloud, i);
+    return region.contains(p.x(), p.y());
+  };
+  table.inliers.resize(cloud.size());
+  std::size_t count = 0;
+  for (int i = 0; i < static_cast<int>(cloud.size()); ++i) {
+    table.inliers[count] = i;  // kept only if the next line counts it
+    count += isInlier(i);
+  }
+  table.inliers.resize(count);
   const Eigen::Vector2d center = centroidOfPolygon(table.hull);
   for (auto& corner : table.hull) corner -= center;
   table.T_camera_table.translate(Eigen::Vector3d(center.x(), center.y(), 0));
