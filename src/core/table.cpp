@@ -145,17 +145,18 @@ Indices outlineOf(const Cloud& cloud, const PlaneRaster& raster,
   return outline;
 }
 
-/// The table on a plane that was found: fitted again to all points within `reach` [m] of it, their
-/// patches outlined.
-Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double reach,
-                          const Eigen::Vector3d& forward, const std::optional<Eigen::Vector3d>& up,
-                          const TableOptions& options) {
-  auto fit = fitPlaneNear(cloud, plane, reach);
+/// The table on a plane that was found: fitted again to the points within `reach` [m] of it, first
+/// to a sample, then to all, their patches outlined.
+Found<Table> tableOnPlane(const Cloud& cloud, const Cloud& sample, const Eigen::Vector4d& plane,
+                          double reach, const Eigen::Vector3d& forward,
+                          const std::optional<Eigen::Vector3d>& up, const TableOptions& options) {
+  auto fit = fitPlaneNear(sample, plane, reach);
   // Table and the foot of what stands on it share the band of `distance`; within three standard
   // deviations the table is nearly alone.
   const double band =
       fit ? std::clamp(3 * fit->rms, options.distance / 4, options.distance) : options.distance;
-  for (int round = 0; round < 2 && fit; ++round) fit = fitPlaneNear(cloud, fit->plane, band);
+  if (fit) fit = fitPlaneNear(sample, fit->plane, band);
+  if (fit) fit = fitPlaneNear(cloud, fit->plane, band);
   if (!fit) return Found<Table>::none("a plane of fewer than 3 points");
   // The free side is where up points or, when up is not known, where the camera is.
   const double free_side = up ? fit->plane.head<3>().dot(*up) : fit->plane[3];
@@ -318,7 +319,7 @@ class TableSearch {
       if (looked_at > 0 && !mayBeLevel(level.plane)) continue;
       ++looked_at;
       const double reach = std::clamp(3 * level.rms, options_.distance / 4, options_.distance);
-      lookAt(cloud_, level.plane, reach);
+      lookAt(cloud_, sample_.cloud, level.plane, reach);
     }
   }
 
@@ -334,7 +335,7 @@ class TableSearch {
       const auto drawn =
           drawPlane(sample, options_.distance, i == 0 ? std::nullopt : level, random);
       if (!drawn) break;
-      const Eigen::Vector4d plane = lookAt(*looked_at, *drawn, options_.distance);
+      const Eigen::Vector4d plane = lookAt(*looked_at, sample, *drawn, options_.distance);
       if (done()) break;
       rest = withoutPoints(*looked_at, pointsNearPlane(*looked_at, plane, options_.distance));
       looked_at = &rest;
@@ -361,8 +362,9 @@ class TableSearch {
   }
 
   /// Gives back the plane, fitted to all its points if they can be outlined.
-  Eigen::Vector4d lookAt(const Cloud& cloud, const Eigen::Vector4d& plane, double reach) {
-    auto table = tableOnPlane(cloud, plane, reach, forward_, up_, options_);
+  Eigen::Vector4d lookAt(const Cloud& cloud, const Cloud& sample, const Eigen::Vector4d& plane,
+                         double reach) {
+    auto table = tableOnPlane(cloud, sample, plane, reach, forward_, up_, options_);
     const std::string why =
         table ? refusal(*table, agreementOf(*table), up_, options_) : table.reason;
     const Eigen::Vector4d fitted = table ? table->plane : plane;
