@@ -117,12 +117,16 @@ UnionFind joinThroughTree(const Cloud& points, double tolerance) {
 }  // namespace
 
 std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& options) {
+  return extractClusters(cloud, validIndices(cloud), options);
+}
+
+std::vector<Indices> extractClusters(const Cloud& cloud, const Indices& among,
+                                     const ClusterOptions& options) {
   checkOptions("cluster", options);
-  const Indices valid = validIndices(cloud);
-  const Cloud points = selectPoints(cloud, valid);
+  const Cloud points = selectPoints(cloud, among);
   const auto tolerance = static_cast<float>(options.tolerance);
   UnionFind sets = cloud.organized()
-                       ? joinOverGrid(points, valid, cloud.width, tolerance * tolerance)
+                       ? joinOverGrid(points, among, cloud.width, tolerance * tolerance)
                        : joinThroughTree(points, options.tolerance);
   if (cloud.organized()) joinAcrossSteps(points, options.tolerance, sets);
   std::vector<int> sizes(points.size(), 0);  // by root
@@ -137,7 +141,7 @@ std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& o
   }
   for (std::size_t i = 0; i < points.size(); ++i) {
     const int cluster = cluster_of[sets.root(static_cast<int>(i))];
-    if (cluster >= 0) clusters[cluster].push_back(valid[i]);
+    if (cluster >= 0) clusters[cluster].push_back(among[i]);
   }
   std::stable_sort(clusters.begin(), clusters.end(),
                    [](const Indices& a, const Indices& b) { return a.size() > b.size(); });

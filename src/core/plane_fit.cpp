@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <cstring>
 
 #include <Eigen/Eigenvalues>
 
@@ -63,6 +65,38 @@ int countNear(const float* x, const float* y, const float* z, std::size_t count,
   return sum;
 }
 
+/// Marks the points whose signed distance from a plane is from `low` to `high`.
+TABLETOP_SIMD_CLONES
+void markBetween(const float* x, const float* y, const float* z, std::size_t count,
+                 const float* plane, float low, float high, std::uint8_t* marks) {
+  const float a = plane[0], b = plane[1], c = plane[2], d = plane[3];
+  for (std::size_t i = 0; i < count; ++i) {
+    const float distance = a * x[i] + b * y[i] + c * z[i] + d;
+    marks[i] = (distance >= low) & (distance <= high);  // false for NaN
+  }
+}
+
+/// Where the marks are. Points that are marked come in runs, so most groups are all or nothing.
+Indices indicesOf(const std::vector<std::uint8_t>& marks) {
+  constexpr std::size_t GROUP = 8;
+  Indices indices(marks.size());
+  std::size_t count = 0;
+  const auto take = [&](std::size_t i) {
+    indices[count] = static_cast<int>(i);  // kept only if the next line counts it
+    count += marks[i];
+  };
+  std::size_t i = 0;
+  for (; i + GROUP <= marks.size(); i += GROUP) {
+    std::uint64_t group;
+    std::memcpy(&group, &marks[i], GROUP);
+    if (group == 0) continue;
+    for (std::size_t k = 0; k < GROUP; ++k) take(i + k);
+  }
+  for (; i < marks.size(); ++i) take(i);
+  indices.resize(count);
+  return indices;
+}
+
 /// The points' arrays, lengthened to a multiple of LANES by pixels without a point.
 struct PaddedPoints {
   std::vector<float> x, y, z;
@@ -118,17 +152,15 @@ std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& 
 }
 
 Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double distance) {
+  return pointsBetween(cloud, plane, -distance, distance);
+}
+
+Indices pointsBetween(const Cloud& cloud, const Eigen::Vector4d& plane, double low, double high) {
   const Eigen::Vector4f q = plane.cast<float>();
-  const auto limit = static_cast<float>(distance);
-  Indices near(cloud.size());
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const float d = q[0] * cloud.x[i] + q[1] * cloud.y[i] + q[2] * cloud.z[i] + q[3];
-    near[count] = static_cast<int>(i);  // kept only if the next line counts it
-    count += std::abs(d) <= limit;      // false for NaN
-  }
-  near.resize(count);
-  return near;
+  std::vector<std::uint8_t> between(cloud.size());
+  markBetween(cloud.x.data(), cloud.y.data(), cloud.z.data(), cloud.size(), q.data(),
+              static_cast<float>(low), static_cast<float>(high), between.data());
+  return indicesOf(between);
 }
 
 std::optional<Eigen::Vector4d> drawPlane(const Cloud& sample, double distance,

@@ -23,6 +23,9 @@ std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& 
 /// Points within `distance` [m] of a plane.
 Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double distance);
 
+/// Points whose signed distance from a plane is from `low` to `high` [m].
+Indices pointsBetween(const Cloud& cloud, const Eigen::Vector4d& plane, double low, double high);
+
 /// Which planes RANSAC may draw: those whose normal is within an angle of a direction.
 struct PlaneConstraint {
   Eigen::Vector3d direction;  ///< unit

@@ -256,8 +256,11 @@ Cloud withoutPoints(Cloud cloud, const Indices& indices) {
 bool carriesSomething(const Cloud& cloud, const Table& table, const TableOptions& options) {
   const StandingTest stands(table, options);
   std::size_t carried = 0;
-  for (std::size_t i = 0; i < cloud.size(); i += CARRIED_STEP) carried += stands(cloud, i);
-  return carried * CARRIED_STEP >= static_cast<std::size_t>(options.min_carried);
+  for (std::size_t i = 0; i < cloud.size(); i += CARRIED_STEP) {
+    carried += stands(cloud, i);
+    if (carried * CARRIED_STEP >= static_cast<std::size_t>(options.min_carried)) return true;
+  }
+  return false;
 }
 
 /// Some points of a cloud with their normals: enough to see where it is flat.
@@ -443,11 +446,20 @@ Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>&
 }
 
 Cloud pointsOnTable(const Cloud& cloud, const Table& table, const TableOptions& options) {
-  const StandingTest stands(table, options);
-  Cloud standing(cloud.width, cloud.height, false);
-  standing.rgb = cloud.rgb;
-  for (std::size_t i = 0; i < cloud.size(); ++i)
-    if (stands(cloud, i)) standing.setPoint(i, cloud.point(i));
+  return keepPoints(cloud, indicesOnTable(cloud, table, options));
+}
+
+Indices indicesOnTable(const Cloud& cloud, const Table& table, const TableOptions& options) {
+  const Flattener flatten(table.T_camera_table);
+  const ConvexRegion region(table.hull, options.hull_margin);
+  Indices standing = pointsBetween(cloud, table.plane, options.min_height, options.max_height);
+  std::size_t count = 0;
+  for (const int i : standing) {
+    const Eigen::Vector2f p = flatten(cloud, i);
+    standing[count] = i;  // kept only if the next line counts it
+    count += region.contains(p.x(), p.y());
+  }
+  standing.resize(count);
   return standing;
 }
 
