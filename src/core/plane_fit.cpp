@@ -145,7 +145,8 @@ std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& 
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
   const Eigen::Vector3d normal = solver.eigenvectors().col(0);
   PlaneFit fit;
-  fit.plane << normal, -normal.dot(mean + middle);
+  fit.centroid = mean + middle;
+  fit.plane << normal, -normal.dot(fit.centroid);
   fit.rms = std::sqrt(std::max(0.0, solver.eigenvalues()[0]));
   fit.points = static_cast<std::size_t>(n);
   return fit;
@@ -161,6 +162,17 @@ Indices pointsBetween(const Cloud& cloud, const Eigen::Vector4d& plane, double l
   markBetween(cloud.x.data(), cloud.y.data(), cloud.z.data(), cloud.size(), q.data(),
               static_cast<float>(low), static_cast<float>(high), between.data());
   return indicesOf(between);
+}
+
+Cloud samplePoints(const Cloud& cloud, std::size_t size) {
+  const std::size_t pixel_step = std::max<std::size_t>(1, cloud.size() / (16 * size));
+  Indices valid;
+  for (std::size_t i = pixel_step / 2; i < cloud.size(); i += pixel_step)
+    if (cloud.valid(i)) valid.push_back(static_cast<int>(i));
+  const std::size_t step = std::max<std::size_t>(1, valid.size() / size);
+  Indices sample;
+  for (std::size_t i = step / 2; i < valid.size(); i += step) sample.push_back(valid[i]);
+  return selectPoints(cloud, sample);
 }
 
 std::optional<Eigen::Vector4d> drawPlane(const Cloud& sample, double distance,

@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <cstdio>
 #include <iterator>
-#include <random>
 
 #include <opencv2/imgproc.hpp>
 
@@ -20,7 +19,7 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr int SAMPLE_SIZE = 1000;         // points that RANSAC looks at
+constexpr int SAMPLE_SIZE = 1000;         // points that a plane is fitted to at first
 constexpr int NORMAL_SAMPLE_SIZE = 1500;  // points of an unorganised cloud that have normals
 constexpr int COARSE_COLUMNS = 160;       // of the grid on which planes are connected
 constexpr double LEVEL_COSINE = 0.996;    // of 5 deg: pieces of one level tilt alike
@@ -44,15 +43,6 @@ std::string format(const char* text, ...) {
   return line;
 }
 
-/// About `size` points spread evenly over the cloud, in its order.
-Cloud sampleOf(const Cloud& cloud, std::size_t size) {
-  const Indices valid = validIndices(cloud);
-  const std::size_t step = std::max<std::size_t>(1, valid.size() / size);
-  Indices sample;
-  for (std::size_t i = step / 2; i < valid.size(); i += step) sample.push_back(valid[i]);
-  return selectPoints(cloud, sample);
-}
-
 /// Every few pixels of an organised cloud, about COARSE_COLUMNS in a row.
 Cloud coarseGridOf(const Cloud& cloud) {
   const int step = std::max(1, (cloud.width + COARSE_COLUMNS / 2) / COARSE_COLUMNS);
@@ -62,15 +52,6 @@ Cloud coarseGridOf(const Cloud& cloud) {
       coarse.setPoint(row * coarse.width + column,
                       cloud.point(row * step * cloud.width + column * step));
   return coarse;
-}
-
-/// The points farther than `distance` from a plane.
-Cloud withoutPlane(const Cloud& sample, const Eigen::Vector4d& plane, double distance) {
-  Indices rest;
-  for (std::size_t i = 0; i < sample.size(); ++i)
-    if (std::abs(plane.head<3>().dot(sample.point(i).cast<double>()) + plane[3]) > distance)
-      rest.push_back(static_cast<int>(i));
-  return selectPoints(sample, rest);
 }
 
 /// Mean viewing ray of a cloud: forward, whatever the camera's convention.
@@ -109,9 +90,13 @@ class Flattener {
   Eigen::Matrix<float, 2, 4> to_plane_;
 };
 
-/// Which cells belong to the connected patches of a table, by cell. Objects and their shadows cut
-/// one table into several; a plane also meets, by chance, a few points of other things.
-std::vector<std::uint8_t> patchesOf(const PlaneRaster& raster) {
+/// What the points in a cell of the raster are.
+enum CellKind : std::uint8_t { NO_POINTS, PATCH, STRAY };
+
+/// The kind of each cell. The table's points are those of its connected patches, as objects and
+/// their shadows cut one table into several; a plane also meets, by chance, a few points of other
+/// things.
+std::vector<CellKind> kindsOf(const PlaneRaster& raster) {
   const std::vector<int> points = pointsByCell(raster);
   cv::Mat1b occupied(raster.rows, raster.columns);
   std::transform(points.begin(), points.end(), occupied.begin(),
@@ -122,23 +107,24 @@ std::vector<std::uint8_t> patchesOf(const PlaneRaster& raster) {
   for (std::size_t cell = 0; cell < points.size(); ++cell)
     sizes[patches(static_cast<int>(cell))] += points[cell];
   const double least = MIN_PATCH_SHARE * *std::max_element(sizes.begin(), sizes.end());
-  std::vector<std::uint8_t> kept(points.size());
+  std::vector<CellKind> kinds(points.size(), NO_POINTS);
   for (std::size_t cell = 0; cell < points.size(); ++cell)
-    kept[cell] = points[cell] > 0 && sizes[patches(static_cast<int>(cell))] >= least;
-  return kept;
+    if (points[cell] > 0)
+      kinds[cell] = sizes[patches(static_cast<int>(cell))] >= least ? PATCH : STRAY;
+  return kinds;
 }
 
 /// The first and the last point of a patch in each row of an organised cloud; of an unorganised
 /// cloud all of them. A row of pixels is a line on the plane, so no other point can be a corner of
 /// the hull.
 Indices outlineOf(const Cloud& cloud, const PlaneRaster& raster,
-                  const std::vector<std::uint8_t>& patches) {
+                  const std::vector<CellKind>& kinds) {
   const int length = cloud.organized() ? cloud.width : 1;
   Indices outline;
   for (int begin = 0; begin < static_cast<int>(cloud.size()); begin += length) {
     int first = begin, last = begin + length - 1;
-    while (first <= last && !patches[raster.cell[first]]) ++first;
-    while (last > first && !patches[raster.cell[last]]) --last;
+    while (first <= last && kinds[raster.cell[first]] != PATCH) ++first;
+    while (last > first && kinds[raster.cell[last]] != PATCH) --last;
     if (first <= last) outline.push_back(first);
     if (first < last) outline.push_back(last);
   }
@@ -168,25 +154,23 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Cloud& sample, const Eigen::
   table.T_camera_table = frameOnPlane(table.plane, forward);
   const PlaneRaster raster =
       rasterOver(cloud, table.T_camera_table, options.distance, PATCH_CELL, MAX_CELLS);
-  const auto patches = patchesOf(raster);
+  const auto kinds = kindsOf(raster);
   const Flattener flatten(table.T_camera_table);
   std::vector<Eigen::Vector2f> outline;
-  for (const int i : outlineOf(cloud, raster, patches)) outline.push_back(flatten(cloud, i));
+  for (const int i : outlineOf(cloud, raster, kinds)) outline.push_back(flatten(cloud, i));
   table.hull = convexHullOf(outline);
   if (table.hull.empty()) return Found<Table>::none("a plane whose points lie on one line");
 
   const ConvexRegion region(table.hull, HULL_SLACK);
-  const auto isInlier = [&](int i) {
-    if (patches[raster.cell[i]]) return true;
-    if (raster.cell[i] == 0) return false;
-    const Eigen::Vector2f p = flatten(cloud, i);
-    return region.contains(p.x(), p.y());
-  };
   table.inliers.resize(cloud.size());
   std::size_t count = 0;
   for (int i = 0; i < static_cast<int>(cloud.size()); ++i) {
-    table.inliers[count] = i;  // kept only if the next line counts it
-    count += isInlier(i);
+    const CellKind kind = kinds[raster.cell[i]];
+    table.inliers[count] = i;  // kept only if the next lines count it
+    count += kind == PATCH;
+    if (kind != STRAY) continue;
+    const Eigen::Vector2f p = flatten(cloud, i);
+    count += region.contains(p.x(), p.y());
   }
   table.inliers.resize(count);
   const Eigen::Vector2d center = centroidOfPolygon(table.hull);
@@ -248,11 +232,6 @@ class StandingTest {
   ConvexRegion region_;
 };
 
-Cloud withoutPoints(Cloud cloud, const Indices& indices) {
-  for (const int i : indices) cloud.drop(i);
-  return cloud;
-}
-
 bool carriesSomething(const Cloud& cloud, const Table& table, const TableOptions& options) {
   const StandingTest stands(table, options);
   std::size_t carried = 0;
@@ -269,7 +248,7 @@ struct NormalSample {
   Normals normals;
 
   explicit NormalSample(const Cloud& whole)
-      : cloud(whole.organized() ? coarseGridOf(whole) : sampleOf(whole, NORMAL_SAMPLE_SIZE)),
+      : cloud(whole.organized() ? coarseGridOf(whole) : samplePoints(whole, NORMAL_SAMPLE_SIZE)),
         normals(computeNormals(cloud, Eigen::Vector3f::Zero(), normalsOptions())) {}
 
  private:
@@ -329,20 +308,15 @@ class TableSearch {
   void byDrawing() {
     std::optional<PlaneConstraint> level;
     if (up_) level = PlaneConstraint{*up_, std::cos(options_.max_tilt_deg * M_PI / 180)};
-    std::mt19937 random(static_cast<std::uint32_t>(options_.seed));
-    Cloud sample = sampleOf(cloud_, SAMPLE_SIZE);
-    const Cloud* looked_at = &cloud_;
-    Cloud rest;  // what the planes before leave over: no point belongs to two
+    Cloud rest = cloud_;  // what the planes before leave over: no point belongs to two
     for (int i = 0; i < options_.max_planes; ++i) {
-      // The first plane is drawn without regard to up: if no table is found, it is the reason.
-      const auto drawn =
-          drawPlane(sample, options_.distance, i == 0 ? std::nullopt : level, random);
-      if (!drawn) break;
-      const Eigen::Vector4d plane = lookAt(*looked_at, sample, *drawn, options_.distance);
-      if (done()) break;
-      rest = withoutPoints(*looked_at, pointsNearPlane(*looked_at, plane, options_.distance));
-      looked_at = &rest;
-      sample = withoutPlane(sample, plane, 1.5 * options_.distance);
+      // The first plane is found without regard to up: if no table is found, it is the reason.
+      const auto plane = findLargestPlane(rest, options_.distance, i == 0 ? std::nullopt : level,
+                                          static_cast<std::uint32_t>(options_.seed + i));
+      if (!plane) return;
+      lookAt(rest, samplePoints(rest, SAMPLE_SIZE), plane->plane, options_.distance);
+      if (done()) return;
+      for (const int point : plane->points) rest.drop(point);
     }
   }
 
@@ -364,13 +338,10 @@ class TableSearch {
     return std::min(tilt, 180 - tilt) <= options_.max_tilt_deg + COARSE_TILT_DEG;
   }
 
-  /// Gives back the plane, fitted to all its points if they can be outlined.
-  Eigen::Vector4d lookAt(const Cloud& cloud, const Cloud& sample, const Eigen::Vector4d& plane,
-                         double reach) {
+  void lookAt(const Cloud& cloud, const Cloud& sample, const Eigen::Vector4d& plane, double reach) {
     auto table = tableOnPlane(cloud, sample, plane, reach, forward_, up_, options_);
     const std::string why =
         table ? refusal(*table, agreementOf(*table), up_, options_) : table.reason;
-    const Eigen::Vector4d fitted = table ? table->plane : plane;
     if (!why.empty()) {
       if (refusal_.empty()) refusal_ = why;
     } else if (carriesSomething(cloud_, *table, options_)) {
@@ -378,7 +349,6 @@ class TableSearch {
     } else if (!bare_) {
       bare_ = std::move(table.value);
     }
-    return fitted;
   }
 
   /// Not a piece of a table before, nor the lid of a thing on it.
