@@ -27,6 +27,10 @@ struct ClusterOptions {
 /// around. Points that are not finite belong to no cluster; an empty cloud has none.
 std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& options);
 
+/// The same of some of a cloud's points alone: finite ones, ascending.
+std::vector<Indices> extractClusters(const Cloud& cloud, const Indices& among,
+                                     const ClusterOptions& options);
+
 /// Labels as `segment` writes them and nodelets pass them: 0 nothing or invalid, 1 table, cluster i
 /// has i + 2. As many as points in the cloud.
 std::vector<std::uint32_t> labelsOf(std::size_t cloud_size, const Indices& table,

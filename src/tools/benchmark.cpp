@@ -63,6 +63,7 @@ json sceneJson(const SceneTiming& timing) {
                  {"memory", {{"process_peak_mb", timing.process_peak_mb}}}};
   for (const auto& stage : timing.stages) object["stages"].push_back(stageJson(stage));
   if (timing.frame_mb) object["memory"]["frame_mb"] = *timing.frame_mb;
+  if (timing.table) object["table"] = timingJson(*timing.table);
   if (timing.split) object["split"] = timingJson(*timing.split);
   if (timing.recognition) object["recognition"] = timingJson(*timing.recognition);
   if (timing.our_normals && timing.pcl_normals)
@@ -115,6 +116,7 @@ void printScene(const SceneTiming& timing) {
     if (stage.pcl.runs < stage.ours.runs) std::printf(" (%d runs)", stage.pcl.runs);
     std::printf("\n");
   }
+  if (timing.table) printOwn("table", *timing.table, "with outline and points, in the front end");
   if (timing.split) {
     char share[80];
     const auto* front_end = findStage(timing, "front_end");

@@ -14,6 +14,7 @@
 #include "stock_pcl.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/packed_cloud.h"
+#include "tabletop_perception/planes.h"
 
 namespace tabletop_perception::tools {
 namespace {
@@ -94,7 +95,7 @@ std::vector<std::uint32_t> frontEnd(const PackedCloud& packed,
   const auto table = findTable(filtered, up, options.table);
   if (!table) return {};
   const auto clusters =
-      extractClusters(pointsOnTable(filtered, *table, options.table), options.cluster);
+      extractClusters(filtered, indicesOnTable(filtered, *table, options.table), options.cluster);
   return labelsOf(filtered.size(), table->inliers, clusters);
 }
 
@@ -196,16 +197,17 @@ void compareNormals(const Cloud& cloud, const Table& table, int runs, SceneTimin
 }
 
 /// `standing`: the points of `filtered` that are to be clustered.
-void timeClusters(const Cloud& filtered, const Cloud& standing, const ClusterOptions& options,
+void timeClusters(const Cloud& filtered, const Indices& standing, const ClusterOptions& options,
                   Stages& stages) {
-  const stock::Points::ConstPtr voxels = stock::voxelGrid(stock::pointsOf(standing));
-  const auto ours = [&] { return extractClusters(standing, options); };
+  const stock::Points::ConstPtr voxels =
+      stock::voxelGrid(stock::pointsOf(keepPoints(filtered, standing)));
+  const auto ours = [&] { return extractClusters(filtered, standing, options); };
   stages.time("clusters", "EuclideanClusterExtraction", ours,
               [&] { return stock::euclideanClusters(voxels); });
-  if (!standing.organized()) return;
+  if (!filtered.organized()) return;
   const stock::Points::ConstPtr points = stock::pointsOf(filtered);
-  const stock::Labels::Ptr labels(new stock::Labels(standing.width, standing.height));
-  for (const int i : validIndices(standing)) (*labels)[i].label = 1;
+  const stock::Labels::Ptr labels(new stock::Labels(filtered.width, filtered.height));
+  for (const int i : standing) (*labels)[i].label = 1;
   stages.time("clusters_organized", "OrganizedConnectedComponentSegmentation", ours,
               [&] { return stock::organizedClusters(points, labels); });
 }
@@ -240,20 +242,23 @@ SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector
   const stock::Points::ConstPtr voxels = stock::voxelGrid(stock::crop(message, forward, false));
   if (!voxels->empty())
     stages.time(
-        "plane", "SACSegmentation", [&] { return findTable(filtered, up, options.table); },
+        "plane", "SACSegmentation",
+        [&] { return findLargestPlane(filtered, stock::PLANE_DISTANCE, std::nullopt, 1); },
         [&] { return stock::planeInliers(voxels); });
   const auto table = findTable(filtered, up, options.table);
   timing.reason = table.reason;
   if (table) {
-    const Cloud standing = pointsOnTable(filtered, *table, options.table);
+    timing.table =
+        timeAlone(runs, discarding([&] { return findTable(filtered, up, options.table); }));
+    const Indices standing = indicesOnTable(filtered, *table, options.table);
     timeClusters(filtered, standing, options.cluster, stages);
     const auto packed = packedView(message);
     stages.time(
         "front_end", "PassThrough to clusters", [&] { return frontEnd(packed, up, options); },
         [&] { return stock::frontEnd(message, forward); });
-    const auto clusters = extractClusters(standing, options.cluster);
+    const auto clusters = extractClusters(filtered, standing, options.cluster);
     timing.split = timeAlone(
-        runs, discarding([&] { return splitClusters(standing, clusters, options.split); }));
+        runs, discarding([&] { return splitClusters(filtered, clusters, options.split); }));
     if (scene.cloud.organized()) {
       timing.our_normals = ourQuality(scene.cloud, *table, NormalsOptions());
       timing.pcl_normals = stockQuality(scene.cloud, *table, "covariance");

@@ -50,7 +50,8 @@ struct SceneTiming {
   std::vector<StageTiming> stages;
   std::optional<NormalsQuality> our_normals, pcl_normals;
   std::vector<NormalsTiming> normals_methods;  ///< with a grid and a table
-  std::optional<Timing> split;        ///< cutting clusters apart: stock PCL has nothing like it
+  std::optional<Timing> table;  ///< with its outline and points: stock PCL has nothing like it
+  std::optional<Timing> split;  ///< cutting clusters apart: stock PCL has nothing like it
   std::optional<Timing> recognition;  ///< cloud to named poses, with a database
   std::string reason;                 ///< why stages are missing; empty: none is
   std::optional<double> frame_mb;     ///< working memory of one frame, bytes to labels [1e6 bytes]
