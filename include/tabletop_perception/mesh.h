@@ -45,6 +45,9 @@ class MeshRenderer {
   /// hold no point. Coloured if the mesh is.
   Cloud render(const Eigen::Isometry3d& T_camera_object, const Projection& projection) const;
 
+  /// Distance of a point of the object's frame from the surface [m], or `limit` if that is less.
+  float distanceTo(const Eigen::Vector3f& point, float limit) const;
+
  private:
   struct Scene;
   std::unique_ptr<Scene> scene_;

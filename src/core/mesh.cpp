@@ -229,6 +229,25 @@ PixelBox pixelsOf(const Eigen::AlignedBox3f& box, const Eigen::Isometry3d& T_cam
           clamped(std::floor(pixels.max().y()) + 1, projection.height)};
 }
 
+/// Ericson, Real-Time Collision Detection, 2005, section 5.1.5.
+Eigen::Vector3f nearestInTriangle(const Eigen::Vector3f& p, const Eigen::Vector3f& a,
+                                  const Eigen::Vector3f& b, const Eigen::Vector3f& c) {
+  const Eigen::Vector3f ab = b - a, ac = c - a;
+  const float d1 = ab.dot(p - a), d2 = ac.dot(p - a);
+  if (d1 <= 0 && d2 <= 0) return a;
+  const float d3 = ab.dot(p - b), d4 = ac.dot(p - b);
+  if (d3 >= 0 && d4 <= d3) return b;
+  const float vc = d1 * d4 - d3 * d2;
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) return a + d1 / (d1 - d3) * ab;
+  const float d5 = ab.dot(p - c), d6 = ac.dot(p - c);
+  if (d6 >= 0 && d5 <= d6) return c;
+  const float vb = d5 * d2 - d1 * d6;
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) return a + d2 / (d2 - d6) * ac;
+  const float va = d3 * d6 - d5 * d4;
+  if (va <= 0 && d4 >= d3 && d5 >= d6) return b + (d4 - d3) / (d4 - d3 + d5 - d6) * (c - b);
+  return a + (vb * ab + vc * ac) / (va + vb + vc);
+}
+
 std::uint32_t mixColors(const std::array<std::uint32_t, 3>& colors,
                         const std::array<float, 3>& weights) {
   std::uint32_t mixed = 0;
@@ -298,17 +317,18 @@ double diameterOf(const std::vector<Eigen::Vector3f>& vertices) {
 }
 
 struct MeshRenderer::Scene {
-  explicit Scene(const Mesh& mesh) : faces(mesh.faces), colors(mesh.colors) {
+  explicit Scene(const Mesh& mesh)
+      : vertices(mesh.vertices), faces(mesh.faces), colors(mesh.colors) {
     device = rtcNewDevice("threads=1");
     if (!device) throw std::runtime_error("Embree gives no device");
     scene = rtcNewScene(device);
     rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);  // no ray slips through an edge
     const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-    auto* vertices = static_cast<float*>(
+    auto* corners = static_cast<float*>(
         rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                 3 * sizeof(float), mesh.vertices.size()));
     for (const auto& v : mesh.vertices) {
-      vertices = std::copy(v.data(), v.data() + 3, vertices);
+      corners = std::copy(v.data(), v.data() + 3, corners);
       box.extend(v);
     }
     auto* indices = static_cast<unsigned*>(
@@ -333,6 +353,7 @@ struct MeshRenderer::Scene {
 
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
+  std::vector<Eigen::Vector3f> vertices;
   std::vector<Eigen::Vector3i> faces;
   std::vector<std::uint32_t> colors;
   Eigen::AlignedBox3f box;
@@ -384,6 +405,26 @@ Cloud MeshRenderer::render(const Eigen::Isometry3d& T_camera_object,
     }
   }
   return cloud;
+}
+
+float MeshRenderer::distanceTo(const Eigen::Vector3f& point, float limit) const {
+  // The query's radius shrinks to the nearest triangle so far.
+  const auto visit = [](RTCPointQueryFunctionArguments* arguments) {
+    const auto& scene = *static_cast<const Scene*>(arguments->userPtr);
+    const Eigen::Vector3i& face = scene.faces[arguments->primID];
+    const Eigen::Vector3f p(arguments->query->x, arguments->query->y, arguments->query->z);
+    const Eigen::Vector3f nearest = nearestInTriangle(
+        p, scene.vertices[face[0]], scene.vertices[face[1]], scene.vertices[face[2]]);
+    const float distance = (nearest - p).norm();
+    if (!(distance < arguments->query->radius)) return false;
+    arguments->query->radius = distance;
+    return true;
+  };
+  RTCPointQuery query{point.x(), point.y(), point.z(), 0, limit};
+  RTCPointQueryContext context;
+  rtcInitPointQueryContext(&context);
+  rtcPointQuery(scene_->scene, &query, &context, visit, scene_.get());
+  return query.radius;
 }
 
 std::vector<Eigen::Vector3d> icosphereDirections() {

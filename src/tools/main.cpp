@@ -50,6 +50,7 @@ int main(int argc, char** argv) {
   addObjects(app);
   addSegment(app);
   addRecognize(app);
+  addSimulate(app);
   addEvaluate(app);
   addBenchmark(app);
 
