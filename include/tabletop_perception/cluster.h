@@ -23,9 +23,13 @@ struct ClusterOptions {
 
 /// Splits a cloud into groups of points no farther apart than `tolerance` (single linkage), largest
 /// first (then by first index). Organised clouds by connected components over the grid, whose
-/// pieces are then compared in space; unorganised ones through a kd-tree. Points that are not
-/// finite belong to no cluster; an empty cloud has none.
+/// pieces are then compared in space; unorganised ones by small cubes that are compared with those
+/// around. Points that are not finite belong to no cluster; an empty cloud has none.
 std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& options);
+
+/// The same of some of a cloud's points alone: finite ones, ascending.
+std::vector<Indices> extractClusters(const Cloud& cloud, const Indices& among,
+                                     const ClusterOptions& options);
 
 /// Labels as `segment` writes them and nodelets pass them: 0 nothing or invalid, 1 table, cluster i
 /// has i + 2. As many as points in the cloud.

@@ -56,14 +56,13 @@ struct FilterOptions {
 };
 
 /// Drops points nearer than `min` or farther than `max` from the sensor [m].
-Cloud cropRange(const Cloud& cloud, double min, double max);
+Cloud cropRange(Cloud cloud, double min, double max);
 
 /// Drops points outside [min, max] along one axis, 0, 1 or 2 for x, y, z [m].
-Cloud cropAxis(const Cloud& cloud, int axis, double min, double max);
+Cloud cropAxis(Cloud cloud, int axis, double min, double max);
 
 /// Drops points outside a box with the given full sides about the origin of its frame [m].
-Cloud cropBox(const Cloud& cloud, const Eigen::Isometry3d& T_camera_box,
-              const Eigen::Vector3d& size);
+Cloud cropBox(Cloud cloud, const Eigen::Isometry3d& T_camera_box, const Eigen::Vector3d& size);
 
 /// One point per occupied cube of `leaf` [m], the mean of its points and colours, unorganised.
 /// Cubes are counted in 64 bits: any extent works. Throws unless `leaf` is positive.
@@ -78,6 +77,6 @@ Cloud removeRadiusOutliers(const Cloud& cloud, int neighbors, double radius);
 
 /// All of the above as the options say, in that order. Throws std::invalid_argument for options
 /// that contradict each other (min_range not below max_range).
-Cloud filterCloud(const Cloud& cloud, const FilterOptions& options);
+Cloud filterCloud(Cloud cloud, const FilterOptions& options);
 
 }  // namespace tabletop_perception

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -40,6 +42,20 @@ struct Plane {
 /// cloud has none. `normals`: one per point, as computeNormals gives them.
 std::vector<Plane> findPlanes(const Cloud& cloud, const Normals& normals,
                               const PlaneOptions& options);
+
+/// Which planes are wanted: those whose normal is within an angle of a direction.
+struct PlaneConstraint {
+  Eigen::Vector3d direction;  ///< unit
+  double min_cosine;          ///< of the angle, either sign of the normal
+};
+
+/// The plane with the most points within `distance` [m] of it: drawn by RANSAC from a thousand of
+/// the points (Fischler & Bolles 1981), then fitted by least squares to all that are near, its
+/// normal towards the sensor. Same input and seed, same plane; none when no three points span one
+/// that meets the constraint. Needs no grid.
+std::optional<Plane> findLargestPlane(const Cloud& cloud, double distance,
+                                      const std::optional<PlaneConstraint>& constraint,
+                                      std::uint32_t seed);
 
 /// One plane through the points of two that face alike, of the same cloud.
 Plane mergedPlane(const Cloud& cloud, const Plane& a, const Plane& b);

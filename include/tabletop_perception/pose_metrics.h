@@ -64,6 +64,8 @@ struct PoseOutcome {
 struct PoseScore {
   std::vector<PoseOutcome> truth;              ///< in the order of the truth
   std::map<std::string, std::size_t> results;  ///< number of results under each name
+  /// The object that each result was given to, in the order of the results.
+  std::vector<std::optional<std::size_t>> object_of_result;
 };
 
 /// Gives results to objects of the same name, one to one, the pair with the lowest MSSD first.

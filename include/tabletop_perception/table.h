@@ -88,4 +88,7 @@ Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>&
 /// grid stays; the rest is dropped.
 Cloud pointsOnTable(const Cloud& cloud, const Table& table, const TableOptions& options);
 
+/// The same points, not copied.
+Indices indicesOnTable(const Cloud& cloud, const Table& table, const TableOptions& options);
+
 }  // namespace tabletop_perception

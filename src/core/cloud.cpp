@@ -1,5 +1,7 @@
 #include "tabletop_perception/cloud.h"
 
+#include <type_traits>
+
 namespace tabletop_perception {
 
 Cloud::Cloud(int width, int height, bool colored) : width(width), height(height) {
@@ -30,11 +32,18 @@ std::vector<Eigen::Vector3f> pointsAt(const Cloud& cloud, const Indices& indices
 }
 
 Cloud selectPoints(const Cloud& cloud, const Indices& indices) {
-  Cloud selected(static_cast<int>(indices.size()), 1, cloud.colored());
-  for (std::size_t i = 0; i < indices.size(); ++i) {
-    selected.setPoint(i, cloud.point(indices[i]));
-    if (cloud.colored()) selected.rgb[i] = cloud.rgb[indices[i]];
-  }
+  const auto select = [&](const auto& values) {
+    std::decay_t<decltype(values)> selected(indices.size());
+    for (std::size_t i = 0; i < indices.size(); ++i) selected[i] = values[indices[i]];
+    return selected;
+  };
+  Cloud selected;
+  selected.width = static_cast<int>(indices.size());
+  selected.height = 1;
+  selected.x = select(cloud.x);
+  selected.y = select(cloud.y);
+  selected.z = select(cloud.z);
+  if (cloud.colored()) selected.rgb = select(cloud.rgb);
   return selected;
 }
 

@@ -1,67 +1,156 @@
 #include "tabletop_perception/cluster.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
-#include "tabletop_perception/kd_tree.h"
+#include "simd.h"
 #include "union_find.h"
 #include "voxel_numbers.h"
 
 namespace tabletop_perception {
 namespace {
 
-/// Joins each of the points at `pixels` of an organised cloud with the last before it in its row
-/// and in its column. Pixels without a point lie between where the gap in space is small enough:
+/// Points one after the other, from `begin` up to `end`.
+struct Run {
+  int begin, end;
+};
+
+float squaredDistance(const Cloud& points, int i, int j) {
+  return (points.point(i) - points.point(j)).squaredNorm();
+}
+
+/// Marks the points, but the first, that are near the one before.
+TABLETOP_SIMD_CLONES
+void markNear(const float* x, const float* y, const float* z, std::size_t count,
+              float squared_tolerance, std::uint8_t* marks) {
+  for (std::size_t i = 1; i < count; ++i) {
+    const float dx = x[i] - x[i - 1], dy = y[i] - y[i - 1], dz = z[i] - z[i - 1];
+    marks[i] = dx * dx + (dy * dy + dz * dz) <= squared_tolerance;
+  }
+}
+
+/// The points at `pixels` of an organised cloud, cut where the row ends and where one is far from
+/// the last before it. Pixels without a point lie between where the gap in space is small enough:
 /// holes are bridged by metres.
-UnionFind joinOverGrid(const Cloud& points, const Indices& pixels, int width,
-                       float squared_tolerance) {
-  UnionFind sets(points.size());
-  const auto joinIfNear = [&](int i, int j) {
-    if (j >= 0 && (points.point(i) - points.point(j)).squaredNorm() <= squared_tolerance)
-      sets.join(i, j);
-  };
-  std::vector<int> above(width, -1);  // the last point in each column
-  int row_begin = -width;
+std::vector<Run> runsAlongRows(const Cloud& points, const Indices& pixels, int width,
+                               float squared_tolerance) {
+  std::vector<std::uint8_t> near(points.size());
+  markNear(points.x.data(), points.y.data(), points.z.data(), points.size(), squared_tolerance,
+           near.data());
+  std::vector<Run> runs;
+  int row_end = 0;
   for (int i = 0; i < static_cast<int>(points.size()); ++i) {
-    const bool same_row = pixels[i] < row_begin + width;
-    if (same_row)
-      joinIfNear(i, i - 1);
-    else
-      row_begin = pixels[i] / width * width;
-    const int column = pixels[i] - row_begin;
-    joinIfNear(i, above[column]);
-    above[column] = i;
+    if (pixels[i] < row_end && near[i]) {
+      runs.back().end = i + 1;
+    } else {
+      runs.push_back({i, i + 1});
+      row_end = (pixels[i] / width + 1) * width;
+    }
+  }
+  return runs;
+}
+
+std::vector<Run> singlePoints(std::size_t count) {
+  std::vector<Run> runs;
+  for (int i = 0; i < static_cast<int>(count); ++i) runs.push_back({i, i + 1});
+  return runs;
+}
+
+/// Joins the runs of which a point is near the last one before it in its column.
+UnionFind joinAlongColumns(const Cloud& points, const Indices& pixels, int width,
+                           const std::vector<Run>& runs, float squared_tolerance) {
+  UnionFind sets(runs.size());
+  struct Last {
+    int point, run;
+  };
+  std::vector<Last> above(width, {-1, -1});  // in each column
+  for (int r = 0; r < static_cast<int>(runs.size()); ++r) {
+    const int row_begin = pixels[runs[r].begin] / width * width;
+    int joined = -1;  // with this one before: no need to compare more of their points
+    for (int i = runs[r].begin; i < runs[r].end; ++i) {
+      Last& last = above[pixels[i] - row_begin];
+      if (last.run >= 0 && last.run != joined &&
+          squaredDistance(points, i, last.point) <= squared_tolerance) {
+        sets.join(r, last.run);
+        joined = last.run;
+      }
+      last = {i, r};
+    }
   }
   return sets;
 }
 
-/// Points of one set in one cube, chained.
+/// The cube that a point lies in, 10 bits an axis. Cubes 1024 apart have the same key, which costs
+/// comparisons of points that are not near, but no extent overflows.
+using CubeKey = std::uint32_t;
+constexpr CubeKey AXIS_MASK = 1023;
+
+CubeKey cubeKey(std::uint32_t x, std::uint32_t y, std::uint32_t z) {
+  return (x & AXIS_MASK) | (y & AXIS_MASK) << 10 | (z & AXIS_MASK) << 20;
+}
+
+struct CubeKeyHash {
+  std::size_t operator()(CubeKey key) const { return key * 0x9E3779B97F4A7C15ull >> 32; }
+};
+
+TABLETOP_SIMD_CLONES
+void cubeKeysOf(const float* x, const float* y, const float* z, std::size_t count,
+                double cubes_per_metre, CubeKey* keys) {
+  const auto along = [cubes_per_metre](float value) {
+    const double place = std::clamp(value * cubes_per_metre, -1e9, 1e9);
+    const int towards_zero = static_cast<int>(place);
+    return static_cast<std::uint32_t>(towards_zero - (place < towards_zero));
+  };
+  for (std::size_t i = 0; i < count; ++i) keys[i] = cubeKey(along(x[i]), along(y[i]), along(z[i]));
+}
+
+/// Points of one set in one cube: a chain of runs.
 struct Part {
   int root;   ///< names the set
-  int first;  ///< its point
+  int first;  ///< of its runs
   int next;   ///< part of the same cube; -1: none
 };
 
 /// Points by cubes as large as the tolerance, in each by sets: what is near lies in neighbouring
 /// cubes.
 struct PartsByCube {
-  VoxelNumbers cubes;
+  struct ChainedRun {
+    Run run;
+    int next;  ///< run of the same part; -1: none
+  };
+  Numbering<CubeKey, CubeKeyHash> cubes;
   std::vector<int> first_part;  ///< by cube
   std::vector<Part> parts;
-  std::vector<int> next_point;  ///< of the same part, by point; -1: none
+  std::vector<ChainedRun> runs;
 
-  PartsByCube(const Cloud& points, double tolerance, UnionFind& sets) : next_point(points.size()) {
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const int cube = cubes.numberOf(VoxelKey::of(points.point(i), 1.0 / tolerance));
-      if (cube == static_cast<int>(first_part.size())) first_part.push_back(-1);
-      Part& part = parts[partOf(cube, sets.root(static_cast<int>(i)))];
-      next_point[i] = part.first;
-      part.first = static_cast<int>(i);
+  PartsByCube(const Cloud& points, const std::vector<Run>& whole_runs, double tolerance,
+              UnionFind& sets) {
+    std::vector<CubeKey> keys(points.size());
+    cubeKeysOf(points.x.data(), points.y.data(), points.z.data(), points.size(), 1 / tolerance,
+               keys.data());
+    for (int r = 0; r < static_cast<int>(whole_runs.size()); ++r) {
+      const int root = sets.root(r);
+      for (int begin = whole_runs[r].begin; begin < whole_runs[r].end;) {
+        int end = begin + 1;
+        while (end < whole_runs[r].end && keys[end] == keys[begin]) ++end;
+        add({begin, end}, keys[begin], root);
+        begin = end;
+      }
     }
   }
 
  private:
+  void add(const Run& run, CubeKey key, int root) {
+    const int cube = cubes.numberOf(key);
+    if (cube == static_cast<int>(first_part.size())) first_part.push_back(-1);
+    Part& part = parts[partOf(cube, root)];
+    runs.push_back({run, part.first});
+    part.first = static_cast<int>(runs.size()) - 1;
+  }
+
   int partOf(int cube, int root) {
     for (int part = first_part[cube]; part >= 0; part = parts[part].next)
       if (parts[part].root == root) return part;
@@ -72,44 +161,75 @@ struct PartsByCube {
 
 bool touch(const Cloud& points, const PartsByCube& grid, const Part& a, const Part& b,
            float squared_tolerance) {
-  for (int i = a.first; i >= 0; i = grid.next_point[i])
-    for (int j = b.first; j >= 0; j = grid.next_point[j])
-      if ((points.point(i) - points.point(j)).squaredNorm() <= squared_tolerance) return true;
+  for (int ra = a.first; ra >= 0; ra = grid.runs[ra].next)
+    for (int rb = b.first; rb >= 0; rb = grid.runs[rb].next)
+      for (int i = grid.runs[ra].run.begin; i < grid.runs[ra].run.end; ++i)
+        for (int j = grid.runs[rb].run.begin; j < grid.runs[rb].run.end; ++j)
+          if (squaredDistance(points, i, j) <= squared_tolerance) return true;
   return false;
 }
 
 /// Joins sets that are near in space though not along the grid's rows and columns: an object that
 /// hides a strip of itself is seen in two pieces.
-void joinAcrossSteps(const Cloud& points, double tolerance, UnionFind& sets) {
+void joinAcrossSteps(const Cloud& points, const std::vector<Run>& runs, double tolerance,
+                     UnionFind& sets) {
   const auto squared_tolerance = static_cast<float>(tolerance * tolerance);
-  const PartsByCube grid(points, tolerance, sets);
+  const PartsByCube grid(points, runs, tolerance, sets);
   const auto joinParts = [&](int cube, int other) {
     for (int a = grid.first_part[cube]; a >= 0; a = grid.parts[a].next)
       for (int b = grid.first_part[other]; b >= 0; b = grid.parts[b].next) {
         const Part &one = grid.parts[a], &two = grid.parts[b];
-        if (sets.root(one.root) != sets.root(two.root) &&
+        if (one.root != two.root && sets.root(one.root) != sets.root(two.root) &&
             touch(points, grid, one, two, squared_tolerance))
           sets.join(one.root, two.root);
       }
   };
   for (int cube = 0; cube < grid.cubes.size(); ++cube) {
-    const VoxelKey key = grid.cubes.key(cube);
+    const CubeKey key = grid.cubes.key(cube);
     for (int n = 0; n < 14; ++n) {  // half of the cubes around it, and itself
-      const int other =
-          grid.cubes.find({key.x + n % 3 - 1, key.y + n / 3 % 3 - 1, key.z + n / 9 - 1});
+      const int other = grid.cubes.find(
+          cubeKey(key + n % 3 - 1, (key >> 10) + n / 3 % 3 - 1, (key >> 20) + n / 9 - 1));
       if (other >= 0) joinParts(cube, other);
     }
   }
 }
 
-/// Joins every point with all others within the tolerance.
-UnionFind joinThroughTree(const Cloud& points, double tolerance) {
+/// Joins every point with all others within the tolerance, without a search for each: cubes are so
+/// small that the points of one are all near each other, and two of them are compared until the
+/// first pair that is near. (Fast Euclidean Clustering, Cao et al. 2022, searches about fewer
+/// points too, but leaves some that are near apart.)
+UnionFind joinAmongCubes(const Cloud& points, double tolerance) {
+  const double side = 0.9999 * tolerance / std::sqrt(3.0);  // less than exact: for the rounding
+  const auto squared_tolerance = static_cast<float>(tolerance * tolerance);
   UnionFind sets(points.size());
-  const KdTree tree(pointsAt(points, validIndices(points)));
-  std::vector<KdTree::Neighbor> within;
+  VoxelNumbers cubes;
+  std::vector<int> first_point;                    // by cube
+  std::vector<int> next_point(points.size(), -1);  // of the same cube, by point; -1: none
   for (int i = 0; i < static_cast<int>(points.size()); ++i) {
-    tree.within(points.point(i), tolerance, within);
-    for (const auto& neighbor : within) sets.join(i, neighbor.index);
+    const int cube = cubes.numberOf(VoxelKey::of(points.point(i), 1.0 / side));
+    if (cube == static_cast<int>(first_point.size())) {
+      first_point.push_back(i);
+      continue;
+    }
+    const int first = first_point[cube];
+    sets.join(first, i);
+    next_point[i] = std::exchange(next_point[first], i);
+  }
+
+  const auto near = [&](int cube, int other) {
+    for (int i = first_point[cube]; i >= 0; i = next_point[i])
+      for (int j = first_point[other]; j >= 0; j = next_point[j])
+        if ((points.point(i) - points.point(j)).squaredNorm() <= squared_tolerance) return true;
+    return false;
+  };
+  for (int cube = 0; cube < cubes.size(); ++cube) {
+    const VoxelKey key = cubes.key(cube);
+    for (int n = 0; n < 62; ++n) {  // half of the cubes around it, two deep
+      const int other = cubes.find({key.x + n % 5 - 2, key.y + n / 5 % 5 - 2, key.z + n / 25 - 2});
+      if (other < 0) continue;
+      const int i = first_point[cube], j = first_point[other];
+      if (sets.root(i) != sets.root(j) && near(cube, other)) sets.join(i, j);
+    }
   }
   return sets;
 }
@@ -117,27 +237,38 @@ UnionFind joinThroughTree(const Cloud& points, double tolerance) {
 }  // namespace
 
 std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& options) {
+  return extractClusters(cloud, validIndices(cloud), options);
+}
+
+std::vector<Indices> extractClusters(const Cloud& cloud, const Indices& among,
+                                     const ClusterOptions& options) {
   checkOptions("cluster", options);
-  const Indices valid = validIndices(cloud);
-  const Cloud points = selectPoints(cloud, valid);
+  const Cloud points = selectPoints(cloud, among);
   const auto tolerance = static_cast<float>(options.tolerance);
-  UnionFind sets = cloud.organized()
-                       ? joinOverGrid(points, valid, cloud.width, tolerance * tolerance)
-                       : joinThroughTree(points, options.tolerance);
-  if (cloud.organized()) joinAcrossSteps(points, options.tolerance, sets);
-  std::vector<int> sizes(points.size(), 0);  // by root
-  for (std::size_t i = 0; i < points.size(); ++i) ++sizes[sets.root(static_cast<int>(i))];
+  const bool organized = cloud.organized();
+  const std::vector<Run> runs =
+      organized ? runsAlongRows(points, among, cloud.width, tolerance * tolerance)
+                : singlePoints(points.size());
+  UnionFind sets = organized
+                       ? joinAlongColumns(points, among, cloud.width, runs, tolerance * tolerance)
+                       : joinAmongCubes(points, options.tolerance);
+  if (organized) joinAcrossSteps(points, runs, options.tolerance, sets);
+  std::vector<int> sizes(runs.size(), 0);  // by root
+  for (std::size_t r = 0; r < runs.size(); ++r)
+    sizes[sets.root(static_cast<int>(r))] += runs[r].end - runs[r].begin;
 
   std::vector<Indices> clusters;
-  std::vector<int> cluster_of(points.size(), -1);  // by root
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    if (sizes[i] == 0 || sizes[i] < options.min_points || sizes[i] > options.max_points) continue;
-    cluster_of[i] = static_cast<int>(clusters.size());
-    clusters.emplace_back().reserve(sizes[i]);
+  std::vector<int> cluster_of(runs.size(), -1);  // by root
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    if (sizes[r] == 0 || sizes[r] < options.min_points || sizes[r] > options.max_points) continue;
+    cluster_of[r] = static_cast<int>(clusters.size());
+    clusters.emplace_back().reserve(sizes[r]);
   }
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const int cluster = cluster_of[sets.root(static_cast<int>(i))];
-    if (cluster >= 0) clusters[cluster].push_back(valid[i]);
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    const int cluster = cluster_of[sets.root(static_cast<int>(r))];
+    if (cluster < 0) continue;
+    clusters[cluster].insert(clusters[cluster].end(), among.begin() + runs[r].begin,
+                             among.begin() + runs[r].end);
   }
   std::stable_sort(clusters.begin(), clusters.end(),
                    [](const Indices& a, const Indices& b) { return a.size() > b.size(); });

@@ -1,8 +1,10 @@
 #include "tabletop_perception/filter.h"
 
 #include <cmath>
+#include <utility>
 #include <vector>
 
+#include "simd.h"
 #include "tabletop_perception/kd_tree.h"
 #include "voxel_numbers.h"
 
@@ -11,11 +13,22 @@ namespace {
 
 /// The cloud without the points for which `keep` is false.
 template <typename Predicate>
-Cloud keepIf(const Cloud& cloud, Predicate keep) {
-  Cloud kept = cloud;
-  for (std::size_t i = 0; i < kept.size(); ++i)
-    if (kept.valid(i) && !keep(kept.point(i))) kept.drop(i);
-  return kept;
+Cloud keepIf(Cloud cloud, Predicate keep) {
+  for (std::size_t i = 0; i < cloud.size(); ++i)
+    if (cloud.valid(i) && !keep(cloud.point(i))) cloud.drop(i);
+  return cloud;
+}
+
+/// Drops points unless their squared distance from the sensor is within the limits.
+TABLETOP_SIMD_CLONES
+void dropOutside(float* x, float* y, float* z, std::size_t count, float nearest, float farthest) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float squared_range = x[i] * x[i] + (y[i] * y[i] + z[i] * z[i]);
+    const bool within = (squared_range >= nearest) & (squared_range <= farthest);
+    x[i] = nanUnless(within, x[i]);
+    y[i] = nanUnless(within, y[i]);
+    z[i] = nanUnless(within, z[i]);
+  }
 }
 
 /// Sums of the points of one voxel.
@@ -41,23 +54,21 @@ Eigen::Isometry3d boxPose(const FilterOptions& options) {
 
 }  // namespace
 
-Cloud cropRange(const Cloud& cloud, double min, double max) {
-  const auto nearest = static_cast<float>(min * min), farthest = static_cast<float>(max * max);
-  return keepIf(cloud, [=](const Eigen::Vector3f& p) {
-    const float squared_range = p.squaredNorm();
-    return squared_range >= nearest && squared_range <= farthest;
-  });
+Cloud cropRange(Cloud cloud, double min, double max) {
+  dropOutside(cloud.x.data(), cloud.y.data(), cloud.z.data(), cloud.size(),
+              static_cast<float>(min * min), static_cast<float>(max * max));
+  return cloud;
 }
 
-Cloud cropAxis(const Cloud& cloud, int axis, double min, double max) {
-  return keepIf(cloud, [=](const Eigen::Vector3f& p) { return p[axis] >= min && p[axis] <= max; });
+Cloud cropAxis(Cloud cloud, int axis, double min, double max) {
+  return keepIf(std::move(cloud),
+                [=](const Eigen::Vector3f& p) { return p[axis] >= min && p[axis] <= max; });
 }
 
-Cloud cropBox(const Cloud& cloud, const Eigen::Isometry3d& T_camera_box,
-              const Eigen::Vector3d& size) {
+Cloud cropBox(Cloud cloud, const Eigen::Isometry3d& T_camera_box, const Eigen::Vector3d& size) {
   const Eigen::Isometry3f T_box_camera = T_camera_box.inverse().cast<float>();
   const Eigen::Array3f half = size.cast<float>() / 2;
-  return keepIf(cloud, [&](const Eigen::Vector3f& p) {
+  return keepIf(std::move(cloud), [&](const Eigen::Vector3f& p) {
     return ((T_box_camera * p).array().abs() <= half).all();
   });
 }
@@ -127,7 +138,7 @@ Cloud removeRadiusOutliers(const Cloud& cloud, int neighbors, double radius) {
   return kept;
 }
 
-Cloud filterCloud(const Cloud& cloud, const FilterOptions& options) {
+Cloud filterCloud(Cloud cloud, const FilterOptions& options) {
   checkOptions("filter", options);
   if (!(options.min_range < options.max_range))
     throw std::invalid_argument("filter.min_range must be below filter.max_range, got " +
@@ -138,11 +149,12 @@ Cloud filterCloud(const Cloud& cloud, const FilterOptions& options) {
                                 std::to_string(options.crop_min) + " and " +
                                 std::to_string(options.crop_max));
 
-  Cloud filtered = cropRange(cloud, options.min_range, options.max_range);
+  Cloud filtered = cropRange(std::move(cloud), options.min_range, options.max_range);
   if (options.crop_axis != "none")
-    filtered = cropAxis(filtered, options.crop_axis[0] - 'x', options.crop_min, options.crop_max);
+    filtered = cropAxis(std::move(filtered), options.crop_axis[0] - 'x', options.crop_min,
+                        options.crop_max);
   if (options.box)
-    filtered = cropBox(filtered, boxPose(options),
+    filtered = cropBox(std::move(filtered), boxPose(options),
                        {options.box_size_x, options.box_size_y, options.box_size_z});
   if (options.leaf_size > 0) filtered = voxelGrid(filtered, options.leaf_size);
   if (options.outliers == "statistical")

@@ -6,7 +6,7 @@
 
 namespace tabletop_perception {
 
-/// The organised path of computeNormals: covariances of windows masked by range, many pixels at
+/// The method "window" of computeNormals: covariances of windows masked by range, many pixels at
 /// once. Every `step`-th pixel of every `step`-th row is computed, those between follow; see
 /// NormalsOptions.
 Normals computeGridNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,

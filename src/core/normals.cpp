@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "grid_normals.h"
+#include "integral_normals.h"
 #include "tabletop_perception/kd_tree.h"
 #include "voxel_key.h"
 
@@ -74,7 +75,9 @@ std::vector<Eigen::Vector3f> voxelMeans(const std::vector<Eigen::Vector3f>& poin
 Normals computeNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
                        const NormalsOptions& options) {
   checkOptions("normals", options);
-  if (cloud.organized()) return computeGridNormals(cloud, viewpoint, options);
+  if (cloud.organized())
+    return options.method == "window" ? computeGridNormals(cloud, viewpoint, options)
+                                      : computeIntegralNormals(cloud, viewpoint, options);
 
   const std::vector<float> none(cloud.size(), std::numeric_limits<float>::quiet_NaN());
   Normals normals{none, none, none, none};

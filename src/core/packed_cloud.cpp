@@ -5,6 +5,8 @@
 #include <cstring>
 #include <stdexcept>
 
+#include <Eigen/Core>
+
 namespace tabletop_perception {
 namespace {
 
@@ -13,6 +15,7 @@ constexpr std::uint64_t DATATYPE_SIZES[] = {0, 1, 1, 2, 2, 4, 4, 4, 8};
 constexpr const char* DATATYPE_NAMES[] = {"nothing", "int8",   "uint8",   "int16",  "uint16",
                                           "int32",   "uint32", "float32", "float64"};
 constexpr std::uint64_t MAX_POINTS = 1u << 30;  // indices of points are ints
+constexpr std::uint32_t MAX_RUN = 64;  // points that are read at once: bytes and values stay cached
 
 bool hostIsBigEndian() {
   const std::uint16_t one = 1;
@@ -86,37 +89,89 @@ Value readValue(const std::uint8_t* bytes) {
   return value;
 }
 
+/// Points side by side in one row.
+struct Run {
+  std::uint32_t row, first, count;
+};
+
+/// Calls visit(run) for all points, in their order.
+template <typename Visit>
+void visitRuns(const PackedCloud& packed, Visit visit) {
+  for (std::uint32_t row = 0; row < packed.height; ++row)
+    for (std::uint32_t first = 0; first < packed.width; first += MAX_RUN)
+      visit(Run{row, first, std::min(MAX_RUN, packed.width - first)});
+}
+
 template <typename Value, bool SWAP, typename Out>
 void readValues(const std::uint8_t* bytes, std::uint32_t step, std::uint32_t count, Out* out) {
   for (std::uint32_t i = 0; i < count; ++i)
     out[i] = static_cast<Out>(readValue<Value, SWAP>(bytes + std::size_t{i} * step));
 }
 
-/// One field of one row.
-template <typename Value, typename Out>
-void readRow(const PackedCloud& packed, std::uint32_t offset, std::uint32_t row, Out* out) {
-  const auto* bytes = packed.data + std::size_t{row} * packed.row_step + offset;
-  if (packed.big_endian == hostIsBigEndian())
-    readValues<Value, false>(bytes, packed.point_step, packed.width, out);
-  else
-    readValues<Value, true>(bytes, packed.point_step, packed.width, out);
+/// Where a field of the first point of a run is.
+const std::uint8_t* bytesOf(const PackedCloud& packed, std::uint32_t offset, const Run& run) {
+  return packed.data + std::size_t{run.row} * packed.row_step +
+         std::size_t{run.first} * packed.point_step + offset;
 }
 
-void readFloatRow(const PackedCloud& packed, const PackedCloud::Field& field, std::uint32_t row,
+/// One field of a run of points.
+template <typename Value, typename Out>
+void readRun(const PackedCloud& packed, std::uint32_t offset, const Run& run, Out* out) {
+  const auto* bytes = bytesOf(packed, offset, run);
+  if (packed.big_endian == hostIsBigEndian())
+    readValues<Value, false>(bytes, packed.point_step, run.count, out);
+  else
+    readValues<Value, true>(bytes, packed.point_step, run.count, out);
+}
+
+void readFloatRun(const PackedCloud& packed, const PackedCloud::Field& field, const Run& run,
                   float* out) {
   if (field.datatype == FLOAT32)
-    readRow<float>(packed, field.offset, row, out);
+    readRun<float>(packed, field.offset, run, out);
   else
-    readRow<double>(packed, field.offset, row, out);
+    readRun<double>(packed, field.offset, run, out);
 }
 
-void dropNonFinite(Cloud& cloud, std::size_t begin, std::size_t end) {
-  for (std::size_t i = begin; i < end; ++i) {
+/// Whether x, y and z are floats side by side that can be read as they are, with one more behind.
+bool hasPlainPoints(const PackedCloud& packed, const PackedCloud::Field& x,
+                    const PackedCloud::Field& y, const PackedCloud::Field& z) {
+  const auto follows = [](const PackedCloud::Field& next, const PackedCloud::Field& field) {
+    return next.datatype == FLOAT32 && next.offset == field.offset + sizeof(float);
+  };
+  return x.datatype == FLOAT32 && follows(y, x) && follows(z, y) &&
+         x.offset + 4 * sizeof(float) <= packed.point_step &&
+         packed.big_endian == hostIsBigEndian();
+}
+
+/// Coordinates of plain points, four of them at a time.
+void readPlainRun(const PackedCloud& packed, std::uint32_t offset, const Run& run, float* x,
+                  float* y, float* z) {
+  const auto* bytes = bytesOf(packed, offset, run);
+  std::uint32_t i = 0;
+  for (; i + 4 <= run.count; i += 4) {
+    Eigen::Matrix4f block;
+    for (int k = 0; k < 4; ++k)
+      std::memcpy(block.col(k).data(), bytes + std::size_t{i + k} * packed.point_step, 16);
+    block.transposeInPlace();
+    std::memcpy(x + i, block.col(0).data(), 16);
+    std::memcpy(y + i, block.col(1).data(), 16);
+    std::memcpy(z + i, block.col(2).data(), 16);
+  }
+  for (; i < run.count; ++i) {
+    const auto* point = bytes + std::size_t{i} * packed.point_step;
+    x[i] = readValue<float, false>(point);
+    y[i] = readValue<float, false>(point + 4);
+    z[i] = readValue<float, false>(point + 8);
+  }
+}
+
+void dropNonFinite(float* x, float* y, float* z, std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
     // 0 x v is 0 for finite values, else NaN; no branch, so that compilers vectorise it
-    const float nothing = 0 * cloud.x[i] + 0 * cloud.y[i] + 0 * cloud.z[i];
-    cloud.x[i] += nothing;
-    cloud.y[i] += nothing;
-    cloud.z[i] += nothing;
+    const float nothing = 0 * x[i] + 0 * y[i] + 0 * z[i];
+    x[i] += nothing;
+    y[i] += nothing;
+    z[i] += nothing;
   }
 }
 
@@ -143,16 +198,32 @@ Cloud unpackCloud(const PackedCloud& packed) {
   const auto& z = requireField(packed, "z", FLOAT32, FLOAT64);
   const auto* color = findColor(packed);
 
-  Cloud cloud(static_cast<int>(packed.width), static_cast<int>(packed.height), color != nullptr);
-  for (std::uint32_t row = 0; row < packed.height; ++row) {
-    const auto begin = std::size_t{row} * packed.width;
-    readFloatRow(packed, x, row, &cloud.x[begin]);
-    readFloatRow(packed, y, row, &cloud.y[begin]);
-    readFloatRow(packed, z, row, &cloud.z[begin]);
-    dropNonFinite(cloud, begin, begin + packed.width);
-    if (color) readRow<std::uint32_t>(packed, color->offset, row, &cloud.rgb[begin]);
-  }
-  for (auto& rgb : cloud.rgb) rgb &= 0xFFFFFF;  // the top byte is alpha or padding
+  Cloud cloud;
+  cloud.width = static_cast<int>(packed.width);
+  cloud.height = static_cast<int>(packed.height);
+  const std::size_t size = std::size_t{packed.width} * packed.height;
+  for (auto* values : {&cloud.x, &cloud.y, &cloud.z}) values->reserve(size);
+  if (color) cloud.rgb.reserve(size);
+  const bool plain = hasPlainPoints(packed, x, y, z);
+  float xs[MAX_RUN], ys[MAX_RUN], zs[MAX_RUN];
+  std::uint32_t colors[MAX_RUN];
+  visitRuns(packed, [&](const Run& run) {
+    if (plain) {
+      readPlainRun(packed, x.offset, run, xs, ys, zs);
+    } else {
+      readFloatRun(packed, x, run, xs);
+      readFloatRun(packed, y, run, ys);
+      readFloatRun(packed, z, run, zs);
+    }
+    dropNonFinite(xs, ys, zs, run.count);
+    cloud.x.insert(cloud.x.end(), xs, xs + run.count);
+    cloud.y.insert(cloud.y.end(), ys, ys + run.count);
+    cloud.z.insert(cloud.z.end(), zs, zs + run.count);
+    if (!color) return;
+    readRun<std::uint32_t>(packed, color->offset, run, colors);
+    for (auto& rgb : colors) rgb &= 0xFFFFFF;  // the top byte is alpha or padding
+    cloud.rgb.insert(cloud.rgb.end(), colors, colors + run.count);
+  });
   return cloud;
 }
 
@@ -160,8 +231,11 @@ std::vector<std::uint32_t> unpackLabels(const PackedCloud& packed) {
   checkLayout(packed);
   const auto& field = requireField(packed, "label", UINT32, INT32);
   std::vector<std::uint32_t> labels(std::size_t{packed.width} * packed.height);
-  for (std::uint32_t row = 0; row < packed.height; ++row)
-    readRow<std::uint32_t>(packed, field.offset, row, &labels[std::size_t{row} * packed.width]);
+  auto* out = labels.data();
+  visitRuns(packed, [&](const Run& run) {
+    readRun<std::uint32_t>(packed, field.offset, run, out);
+    out += run.count;
+  });
   return labels;
 }
 
@@ -169,8 +243,11 @@ std::vector<float> unpackFloats(const PackedCloud& packed, const std::string& na
   checkLayout(packed);
   const auto& field = requireField(packed, name, FLOAT32, FLOAT64);
   std::vector<float> values(std::size_t{packed.width} * packed.height);
-  for (std::uint32_t row = 0; row < packed.height; ++row)
-    readFloatRow(packed, field, row, &values[std::size_t{row} * packed.width]);
+  auto* out = values.data();
+  visitRuns(packed, [&](const Run& run) {
+    readFloatRun(packed, field, run, out);
+    out += run.count;
+  });
   return values;
 }
 

@@ -87,12 +87,12 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
   if (!table) return result;
   result.table = std::move(table.value);
 
-  const Cloud standing = pointsOnTable(result.filtered, *result.table, options.table);
-  result.clusters = extractClusters(standing, options.cluster);
+  const Indices standing = indicesOnTable(result.filtered, *result.table, options.table);
+  result.clusters = extractClusters(result.filtered, standing, options.cluster);
   watch.lap("cluster");
-  result.clusters = splitClusters(standing, result.clusters, options.split);
+  result.clusters = splitClusters(result.filtered, result.clusters, options.split);
   watch.lap("split");
-  result.clusters = colorCorrected(standing, result.clusters, options.color);
+  result.clusters = colorCorrected(result.filtered, result.clusters, options.color);
   watch.lap("color");
   if (result.clusters.empty() && result.reason.empty()) result.reason = "nothing stands on it";
   return result;

@@ -114,6 +114,10 @@ TableObject::TableObject(std::string object_name, const Mesh& mesh)
 double clearance(const TableObject& a, const Eigen::Isometry3d& T_table_a, const TableObject& b,
                  const Eigen::Isometry3d& T_table_b, double limit) {
   const Eigen::Isometry3d T_a_b = T_table_a.inverse() * T_table_b;
+  const auto radius = [](const TableObject& object) { return object.box.diagonal().norm() / 2; };
+  const double between =
+      (T_a_b * b.box.center().cast<double>() - a.box.center().cast<double>()).norm();
+  if (between - radius(a) - radius(b) >= limit) return limit;
   const float one_way = pointsToSurface(b, a, T_a_b.cast<float>(), static_cast<float>(limit));
   return pointsToSurface(a, b, T_a_b.inverse().cast<float>(), one_way);
 }

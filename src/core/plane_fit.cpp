@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <cstring>
 
 #include <Eigen/Eigenvalues>
 
@@ -63,6 +65,38 @@ int countNear(const float* x, const float* y, const float* z, std::size_t count,
   return sum;
 }
 
+/// Marks the points whose signed distance from a plane is from `low` to `high`.
+TABLETOP_SIMD_CLONES
+void markBetween(const float* x, const float* y, const float* z, std::size_t count,
+                 const float* plane, float low, float high, std::uint8_t* marks) {
+  const float a = plane[0], b = plane[1], c = plane[2], d = plane[3];
+  for (std::size_t i = 0; i < count; ++i) {
+    const float distance = a * x[i] + b * y[i] + c * z[i] + d;
+    marks[i] = (distance >= low) & (distance <= high);  // false for NaN
+  }
+}
+
+/// Where the marks are. Points that are marked come in runs, so most groups are all or nothing.
+Indices indicesOf(const std::vector<std::uint8_t>& marks) {
+  constexpr std::size_t GROUP = 8;
+  Indices indices(marks.size());
+  std::size_t count = 0;
+  const auto take = [&](std::size_t i) {
+    indices[count] = static_cast<int>(i);  // kept only if the next line counts it
+    count += marks[i];
+  };
+  std::size_t i = 0;
+  for (; i + GROUP <= marks.size(); i += GROUP) {
+    std::uint64_t group;
+    std::memcpy(&group, &marks[i], GROUP);
+    if (group == 0) continue;
+    for (std::size_t k = 0; k < GROUP; ++k) take(i + k);
+  }
+  for (; i < marks.size(); ++i) take(i);
+  indices.resize(count);
+  return indices;
+}
+
 /// The points' arrays, lengthened to a multiple of LANES by pixels without a point.
 struct PaddedPoints {
   std::vector<float> x, y, z;
@@ -111,24 +145,34 @@ std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& 
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
   const Eigen::Vector3d normal = solver.eigenvectors().col(0);
   PlaneFit fit;
-  fit.plane << normal, -normal.dot(mean + middle);
+  fit.centroid = mean + middle;
+  fit.plane << normal, -normal.dot(fit.centroid);
   fit.rms = std::sqrt(std::max(0.0, solver.eigenvalues()[0]));
   fit.points = static_cast<std::size_t>(n);
   return fit;
 }
 
 Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double distance) {
+  return pointsBetween(cloud, plane, -distance, distance);
+}
+
+Indices pointsBetween(const Cloud& cloud, const Eigen::Vector4d& plane, double low, double high) {
   const Eigen::Vector4f q = plane.cast<float>();
-  const auto limit = static_cast<float>(distance);
-  Indices near(cloud.size());
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const float d = q[0] * cloud.x[i] + q[1] * cloud.y[i] + q[2] * cloud.z[i] + q[3];
-    near[count] = static_cast<int>(i);  // kept only if the next line counts it
-    count += std::abs(d) <= limit;      // false for NaN
-  }
-  near.resize(count);
-  return near;
+  std::vector<std::uint8_t> between(cloud.size());
+  markBetween(cloud.x.data(), cloud.y.data(), cloud.z.data(), cloud.size(), q.data(),
+              static_cast<float>(low), static_cast<float>(high), between.data());
+  return indicesOf(between);
+}
+
+Cloud samplePoints(const Cloud& cloud, std::size_t size) {
+  const std::size_t pixel_step = std::max<std::size_t>(1, cloud.size() / (16 * size));
+  Indices valid;
+  for (std::size_t i = pixel_step / 2; i < cloud.size(); i += pixel_step)
+    if (cloud.valid(i)) valid.push_back(static_cast<int>(i));
+  const std::size_t step = std::max<std::size_t>(1, valid.size() / size);
+  Indices sample;
+  for (std::size_t i = step / 2; i < valid.size(); i += step) sample.push_back(valid[i]);
+  return selectPoints(cloud, sample);
 }
 
 std::optional<Eigen::Vector4d> drawPlane(const Cloud& sample, double distance,

@@ -6,14 +6,16 @@
 #include <Eigen/Core>
 
 #include "tabletop_perception/cloud.h"
+#include "tabletop_perception/planes.h"
 
 namespace tabletop_perception {
 
 /// A plane a x + b y + c z + d = 0 with a unit normal of either sign, and how well it fits.
 struct PlaneFit {
   Eigen::Vector4d plane = Eigen::Vector4d::Zero();
-  double rms = 0;          ///< of the points' distances [m]
-  std::size_t points = 0;  ///< that it was fitted to
+  Eigen::Vector3d centroid = Eigen::Vector3d::Zero();  ///< of the points [m]
+  double rms = 0;                                      ///< of the points' distances [m]
+  std::size_t points = 0;                              ///< that it was fitted to
 };
 
 /// The plane of least squared distances of all points within `band` [m] of `near`; none for fewer
@@ -23,11 +25,12 @@ std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& 
 /// Points within `distance` [m] of a plane.
 Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double distance);
 
-/// Which planes RANSAC may draw: those whose normal is within an angle of a direction.
-struct PlaneConstraint {
-  Eigen::Vector3d direction;  ///< unit
-  double min_cosine;          ///< of the angle, either sign of the normal
-};
+/// Points whose signed distance from a plane is from `low` to `high` [m].
+Indices pointsBetween(const Cloud& cloud, const Eigen::Vector4d& plane, double low, double high);
+
+/// About `size` points spread evenly over a cloud, in its order; fewer of a cloud that has a point
+/// in one pixel of 16 or less.
+Cloud samplePoints(const Cloud& cloud, std::size_t size);
 
 /// The plane within `distance` [m] of most of the points, drawn by RANSAC (Fischler & Bolles 1981);
 /// none when no three points span one.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <random>
 
 #include "plane_fit.h"
 #include "union_find.h"
@@ -11,6 +12,7 @@
 namespace tabletop_perception {
 namespace {
 
+constexpr std::size_t SAMPLE_SIZE = 1000;   // points that RANSAC looks at
 constexpr double AGREEMENT_COSINE = 0.966;  // of 15 deg
 
 /// Tells which points lie on one plane.
@@ -109,6 +111,24 @@ std::vector<Plane> findPlanes(const Cloud& cloud, const Normals& normals,
     return a.points.size() > b.points.size();
   });
   return planes;
+}
+
+std::optional<Plane> findLargestPlane(const Cloud& cloud, double distance,
+                                      const std::optional<PlaneConstraint>& constraint,
+                                      std::uint32_t seed) {
+  std::mt19937 random(seed);
+  const Cloud sample = samplePoints(cloud, SAMPLE_SIZE);
+  const auto drawn = drawPlane(sample, distance, constraint, random);
+  if (!drawn) return std::nullopt;
+  const auto coarse = fitPlaneNear(sample, *drawn, distance);
+  const auto fit = fitPlaneNear(cloud, coarse ? coarse->plane : *drawn, distance);
+  if (!fit) return std::nullopt;
+  Plane plane;
+  plane.plane = fit->plane[3] < 0 ? Eigen::Vector4d(-fit->plane) : fit->plane;
+  plane.centroid = fit->centroid;
+  plane.rms = fit->rms;
+  plane.points = pointsNearPlane(cloud, plane.plane, distance);
+  return plane;
 }
 
 Plane mergedPlane(const Cloud& cloud, const Plane& a, const Plane& b) {

@@ -163,12 +163,13 @@ PoseScore scorePoses(const std::vector<PosedObject>& truth, const std::vector<Po
 
   std::stable_sort(pairs.begin(), pairs.end(),
                    [](const Pair& a, const Pair& b) { return a.error.mssd < b.error.mssd; });
-  std::vector<bool> taken(results.size(), false);
+  score.object_of_result.resize(results.size());
   for (const auto& pair : pairs) {
     auto& outcome = score.truth[pair.object];
-    if (outcome.error || taken[pair.result]) continue;
+    auto& object = score.object_of_result[pair.result];
+    if (outcome.error || object) continue;
     outcome.error = pair.error;
-    taken[pair.result] = true;
+    object = pair.object;
   }
   return score;
 }

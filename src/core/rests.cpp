@@ -134,44 +134,50 @@ double solidAngle(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eige
                         la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
 }
 
-/// The corner after which the edge begins that an object on this face rolls over; -1 if its centre
-/// of mass is above the face.
-int edgeToRollOver(const HullFace& face, const Points& points, const Eigen::Vector3d& center) {
-  int edge = -1;
-  double farthest_out = -1e-12;
+/// How far the centre of mass is beyond the edge after each corner, seen from above the face [m].
+std::array<double, 3> overhangs(const HullFace& face, const Points& points,
+                                const Eigen::Vector3d& center) {
+  std::array<double, 3> beyond;
   for (int k = 0; k < 3; ++k) {
     const auto& from = points[face.corners[k]];
     const Eigen::Vector3d along = (points[face.corners[(k + 1) % 3]] - from).normalized();
-    const double inside = face.normal.cross(along).dot(center - from);
-    if (inside >= farthest_out) continue;
-    farthest_out = inside;
-    edge = k;
+    beyond[k] = -face.normal.cross(along).dot(center - from);
   }
-  return edge;
+  return beyond;
 }
 
 /// The face that an object comes to rest on after it landed on each face.
 std::vector<std::size_t> finalFaces(const std::vector<HullFace>& hull, const Points& points,
                                     const Eigen::Vector3d& center) {
+  constexpr double LEVEL = 1e-9;  // [m]
   std::map<std::pair<int, int>, std::size_t> face_of_edge;
   for (std::size_t f = 0; f < hull.size(); ++f)
     for (int k = 0; k < 3; ++k)
       face_of_edge[{hull[f].corners[k], hull[f].corners[(k + 1) % 3]}] = f;
 
+  /// Over the edge that the centre is farthest beyond. It sinks on the way, or stays at its height
+  /// between parts of one flat face, each of which is entered but once.
+  const auto rolled = [&](std::size_t from, const std::set<std::size_t>& visited) {
+    std::size_t to = from;
+    double farthest = LEVEL;
+    const auto beyond = overhangs(hull[from], points, center);
+    const auto& corners = hull[from].corners;
+    for (int k = 0; k < 3; ++k) {
+      const auto next = face_of_edge.find({corners[(k + 1) % 3], corners[k]});
+      if (beyond[k] <= farthest || next == face_of_edge.end() || visited.count(next->second) > 0 ||
+          hull[next->second].height(center) < hull[from].height(center) - LEVEL)
+        continue;
+      farthest = beyond[k];
+      to = next->second;
+    }
+    return to;
+  };
+
   std::vector<std::size_t> final_faces;
   for (std::size_t f = 0; f < hull.size(); ++f) {
+    std::set<std::size_t> visited;
     std::size_t current = f;
-    for (std::size_t step = 0; step < hull.size(); ++step) {
-      const int k = edgeToRollOver(hull[current], points, center);
-      if (k < 0) break;
-      const auto& corners = hull[current].corners;
-      const auto next = face_of_edge.find({corners[(k + 1) % 3], corners[k]});
-      // The centre sinks as the object rolls, except between parts of the same flat face.
-      if (next == face_of_edge.end() ||
-          hull[next->second].height(center) <= hull[current].height(center) + 1e-9)
-        break;
-      current = next->second;
-    }
+    while (visited.insert(current).second) current = rolled(current, visited);
     final_faces.push_back(current);
   }
   return final_faces;

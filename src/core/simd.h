@@ -15,6 +15,17 @@ inline float zeroUnless(bool condition, float value) {
   return value;
 }
 
+/// `value`, or NaN where the condition does not hold. By bits, as above.
+inline float nanUnless(bool condition, float value) {
+  constexpr std::uint32_t QUIET_NAN = 0x7FC00000;
+  const std::uint32_t mask = -static_cast<std::uint32_t>(condition);
+  std::uint32_t bits;
+  std::memcpy(&bits, &value, sizeof bits);
+  bits = (bits & mask) | (QUIET_NAN & ~mask);
+  std::memcpy(&value, &bits, sizeof bits);
+  return value;
+}
+
 }  // namespace tabletop_perception
 
 /// Marks a kernel over planar float arrays that is worth a copy for wide registers: the loader

@@ -9,7 +9,8 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr int ATTEMPTS = 30;              // to find room for all objects, or a place for the camera
+constexpr int ROOM_ATTEMPTS = 3;          // to find room for all objects
+constexpr int CAMERA_ATTEMPTS = 30;       // to find a place for the camera
 constexpr double TABLE_THICKNESS = 0.03;  // [m]
 constexpr double FLOOR_SIDE = 6;          // [m]
 constexpr double MARGIN = 8;              // of the picture that objects keep clear of [pixels]
@@ -54,7 +55,7 @@ std::vector<std::size_t> chooseObjects(std::size_t available, std::size_t wanted
 std::vector<Placement> placeAll(const TableObjects& objects, const SimulationOptions& options,
                                 Random& random) {
   std::size_t most = 0;
-  for (int attempt = 0; attempt < ATTEMPTS; ++attempt) {
+  for (int attempt = 0; attempt < ROOM_ATTEMPTS; ++attempt) {
     const auto chosen = chooseObjects(objects.size(), options.objects, random);
     auto placed = placeObjects(objects, chosen, options.gap, options.radius, random);
     if (placed.size() == chosen.size()) return placed;
@@ -153,7 +154,7 @@ Eigen::Isometry3d chooseCamera(const TableObjects& objects, const std::vector<Pl
   double min_distance = options.min_distance;
   Eigen::Isometry3d T_camera_table, best;
   double most_visible = -1;
-  for (int attempt = 0; attempt < ATTEMPTS; ++attempt) {
+  for (int attempt = 0; attempt < CAMERA_ATTEMPTS; ++attempt) {
     const double distance = random.uniform(min_distance, options.max_distance);
     const double pitch_deg = random.uniform(options.min_pitch_deg, options.max_pitch_deg);
     T_camera_table = cameraPose(distance, pitch_deg * M_PI / 180, random.uniform(-M_PI, M_PI));

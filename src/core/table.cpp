@@ -7,19 +7,19 @@
 #include <cstdint>
 #include <cstdio>
 #include <iterator>
-#include <random>
 
 #include <opencv2/imgproc.hpp>
 
 #include "convex_hull.h"
 #include "plane_fit.h"
+#include "plane_raster.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/planes.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr int SAMPLE_SIZE = 1000;         // points that RANSAC looks at
+constexpr int SAMPLE_SIZE = 1000;         // points that a plane is fitted to at first
 constexpr int NORMAL_SAMPLE_SIZE = 1500;  // points of an unorganised cloud that have normals
 constexpr int COARSE_COLUMNS = 160;       // of the grid on which planes are connected
 constexpr double LEVEL_COSINE = 0.996;    // of 5 deg: pieces of one level tilt alike
@@ -43,15 +43,6 @@ std::string format(const char* text, ...) {
   return line;
 }
 
-/// About `size` points spread evenly over the cloud, in its order.
-Cloud sampleOf(const Cloud& cloud, std::size_t size) {
-  const Indices valid = validIndices(cloud);
-  const std::size_t step = std::max<std::size_t>(1, valid.size() / size);
-  Indices sample;
-  for (std::size_t i = step / 2; i < valid.size(); i += step) sample.push_back(valid[i]);
-  return selectPoints(cloud, sample);
-}
-
 /// Every few pixels of an organised cloud, about COARSE_COLUMNS in a row.
 Cloud coarseGridOf(const Cloud& cloud) {
   const int step = std::max(1, (cloud.width + COARSE_COLUMNS / 2) / COARSE_COLUMNS);
@@ -61,15 +52,6 @@ Cloud coarseGridOf(const Cloud& cloud) {
       coarse.setPoint(row * coarse.width + column,
                       cloud.point(row * step * cloud.width + column * step));
   return coarse;
-}
-
-/// The points farther than `distance` from a plane.
-Cloud withoutPlane(const Cloud& sample, const Eigen::Vector4d& plane, double distance) {
-  Indices rest;
-  for (std::size_t i = 0; i < sample.size(); ++i)
-    if (std::abs(plane.head<3>().dot(sample.point(i).cast<double>()) + plane[3]) > distance)
-      rest.push_back(static_cast<int>(i));
-  return selectPoints(sample, rest);
 }
 
 /// Mean viewing ray of a cloud: forward, whatever the camera's convention.
@@ -108,80 +90,59 @@ class Flattener {
   Eigen::Matrix<float, 2, 4> to_plane_;
 };
 
-/// The connected patches of a table among points of its plane. Objects and their shadows cut one
-/// table into several; a plane also meets, by chance, a few points of other things.
-class TablePatches {
- public:
-  explicit TablePatches(const std::vector<Eigen::Vector2f>& flat) {
-    low_ = flat.front();
-    Eigen::Vector2f high = low_;
-    for (const auto& p : flat) {
-      low_ = low_.cwiseMin(p);
-      high = high.cwiseMax(p);
-    }
-    const float cell = std::max<float>(PATCH_CELL, (high - low_).maxCoeff() / MAX_CELLS);
-    cells_per_metre_ = 1 / cell;
-    const cv::Point last = cellOf(high);
-    cv::Mat1b occupied = cv::Mat1b::zeros(last.y + 1, last.x + 1);
-    for (const auto& p : flat) occupied(cellOf(p)) = 1;
-    cv::dilate(occupied, occupied, cv::Mat1b::ones(PATCH_GAP + 1, PATCH_GAP + 1));
+/// What the points in a cell of the raster are.
+enum CellKind : std::uint8_t { NO_POINTS, PATCH, STRAY };
 
-    std::vector<int> counts(cv::connectedComponents(occupied, patches_, 8, CV_32S));
-    for (const auto& p : flat) ++counts[patches_(cellOf(p))];
-    const double least = MIN_PATCH_SHARE * *std::max_element(counts.begin(), counts.end());
-    for (const int count : counts) kept_.push_back(count >= least);
-  }
+/// The kind of each cell. The table's points are those of its connected patches, as objects and
+/// their shadows cut one table into several; a plane also meets, by chance, a few points of other
+/// things.
+std::vector<CellKind> kindsOf(const PlaneRaster& raster) {
+  const std::vector<int> points = pointsByCell(raster);
+  cv::Mat1b occupied(raster.rows, raster.columns);
+  std::transform(points.begin(), points.end(), occupied.begin(),
+                 [](int count) { return static_cast<std::uint8_t>(count > 0); });
+  cv::dilate(occupied, occupied, cv::Mat1b::ones(PATCH_GAP + 1, PATCH_GAP + 1));
+  cv::Mat1i patches;
+  std::vector<int> sizes(cv::connectedComponents(occupied, patches, 8, CV_32S));
+  for (std::size_t cell = 0; cell < points.size(); ++cell)
+    sizes[patches(static_cast<int>(cell))] += points[cell];
+  const double least = MIN_PATCH_SHARE * *std::max_element(sizes.begin(), sizes.end());
+  std::vector<CellKind> kinds(points.size(), NO_POINTS);
+  for (std::size_t cell = 0; cell < points.size(); ++cell)
+    if (points[cell] > 0)
+      kinds[cell] = sizes[patches(static_cast<int>(cell))] >= least ? PATCH : STRAY;
+  return kinds;
+}
 
-  bool contains(const Eigen::Vector2f& p) const { return kept_[patches_(cellOf(p))]; }
-
- private:
-  cv::Point cellOf(const Eigen::Vector2f& p) const {
-    return {static_cast<int>((p.x() - low_.x()) * cells_per_metre_),
-            static_cast<int>((p.y() - low_.y()) * cells_per_metre_)};
-  }
-
-  Eigen::Vector2f low_;
-  float cells_per_metre_ = 0;
-  cv::Mat1i patches_;
-  std::vector<bool> kept_;
-};
-
-/// The first and the last of the given points in each row of an organised cloud that lie in a
-/// patch; of an unorganised cloud all that do. A row of pixels is a line on the plane, so no other
-/// point can be a corner of the hull.
-std::vector<Eigen::Vector2f> outlineOf(const Cloud& cloud, const Indices& indices,
-                                       const std::vector<Eigen::Vector2f>& flat,
-                                       const TablePatches& patches) {
-  std::vector<Eigen::Vector2f> outline;
-  std::size_t begin = 0;
-  while (begin < indices.size()) {
-    std::size_t end = begin + 1;
-    if (cloud.organized()) {
-      const int next_row = (indices[begin] / cloud.width + 1) * cloud.width;
-      const auto from = indices.begin() + static_cast<std::ptrdiff_t>(begin);
-      end = std::lower_bound(from, indices.end(), next_row) - indices.begin();
-    }
-    std::size_t first = begin, last = end - 1;
-    while (first < end && !patches.contains(flat[first])) ++first;
-    while (last > first && !patches.contains(flat[last])) --last;
-    if (first < end) outline.push_back(flat[first]);
-    if (last > first) outline.push_back(flat[last]);
-    begin = end;
+/// The first and the last point of a patch in each row of an organised cloud; of an unorganised
+/// cloud all of them. A row of pixels is a line on the plane, so no other point can be a corner of
+/// the hull.
+Indices outlineOf(const Cloud& cloud, const PlaneRaster& raster,
+                  const std::vector<CellKind>& kinds) {
+  const int length = cloud.organized() ? cloud.width : 1;
+  Indices outline;
+  for (int begin = 0; begin < static_cast<int>(cloud.size()); begin += length) {
+    int first = begin, last = begin + length - 1;
+    while (first <= last && kinds[raster.cell[first]] != PATCH) ++first;
+    while (last > first && kinds[raster.cell[last]] != PATCH) --last;
+    if (first <= last) outline.push_back(first);
+    if (first < last) outline.push_back(last);
   }
   return outline;
 }
 
-/// The table on a plane that was found: fitted again to all points within `reach` [m] of it, their
-/// patches outlined.
-Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double reach,
-                          const Eigen::Vector3d& forward, const std::optional<Eigen::Vector3d>& up,
-                          const TableOptions& options) {
-  auto fit = fitPlaneNear(cloud, plane, reach);
+/// The table on a plane that was found: fitted again to the points within `reach` [m] of it, first
+/// to a sample, then to all, their patches outlined.
+Found<Table> tableOnPlane(const Cloud& cloud, const Cloud& sample, const Eigen::Vector4d& plane,
+                          double reach, const Eigen::Vector3d& forward,
+                          const std::optional<Eigen::Vector3d>& up, const TableOptions& options) {
+  auto fit = fitPlaneNear(sample, plane, reach);
   // Table and the foot of what stands on it share the band of `distance`; within three standard
   // deviations the table is nearly alone.
   const double band =
       fit ? std::clamp(3 * fit->rms, options.distance / 4, options.distance) : options.distance;
-  for (int round = 0; round < 2 && fit; ++round) fit = fitPlaneNear(cloud, fit->plane, band);
+  if (fit) fit = fitPlaneNear(sample, fit->plane, band);
+  if (fit) fit = fitPlaneNear(cloud, fit->plane, band);
   if (!fit) return Found<Table>::none("a plane of fewer than 3 points");
   // The free side is where up points or, when up is not known, where the camera is.
   const double free_side = up ? fit->plane.head<3>().dot(*up) : fit->plane[3];
@@ -191,17 +152,27 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& plane, doub
   table.plane = fit->plane;
   table.rms = fit->rms;
   table.T_camera_table = frameOnPlane(table.plane, forward);
+  const PlaneRaster raster =
+      rasterOver(cloud, table.T_camera_table, options.distance, PATCH_CELL, MAX_CELLS);
+  const auto kinds = kindsOf(raster);
   const Flattener flatten(table.T_camera_table);
-  const Indices near = pointsNearPlane(cloud, table.plane, options.distance);
-  std::vector<Eigen::Vector2f> flat;
-  flat.reserve(near.size());
-  for (const int i : near) flat.push_back(flatten(cloud, i));
-  table.hull = convexHullOf(outlineOf(cloud, near, flat, TablePatches(flat)));
+  std::vector<Eigen::Vector2f> outline;
+  for (const int i : outlineOf(cloud, raster, kinds)) outline.push_back(flatten(cloud, i));
+  table.hull = convexHullOf(outline);
   if (table.hull.empty()) return Found<Table>::none("a plane whose points lie on one line");
 
   const ConvexRegion region(table.hull, HULL_SLACK);
-  for (std::size_t k = 0; k < near.size(); ++k)
-    if (region.contains(flat[k].x(), flat[k].y())) table.inliers.push_back(near[k]);
+  table.inliers.resize(cloud.size());
+  std::size_t count = 0;
+  for (int i = 0; i < static_cast<int>(cloud.size()); ++i) {
+    const CellKind kind = kinds[raster.cell[i]];
+    table.inliers[count] = i;  // kept only if the next lines count it
+    count += kind == PATCH;
+    if (kind != STRAY) continue;
+    const Eigen::Vector2f p = flatten(cloud, i);
+    count += region.contains(p.x(), p.y());
+  }
+  table.inliers.resize(count);
   const Eigen::Vector2d center = centroidOfPolygon(table.hull);
   for (auto& corner : table.hull) corner -= center;
   table.T_camera_table.translate(Eigen::Vector3d(center.x(), center.y(), 0));
@@ -261,16 +232,14 @@ class StandingTest {
   ConvexRegion region_;
 };
 
-Cloud withoutPoints(Cloud cloud, const Indices& indices) {
-  for (const int i : indices) cloud.drop(i);
-  return cloud;
-}
-
 bool carriesSomething(const Cloud& cloud, const Table& table, const TableOptions& options) {
   const StandingTest stands(table, options);
   std::size_t carried = 0;
-  for (std::size_t i = 0; i < cloud.size(); i += CARRIED_STEP) carried += stands(cloud, i);
-  return carried * CARRIED_STEP >= static_cast<std::size_t>(options.min_carried);
+  for (std::size_t i = 0; i < cloud.size(); i += CARRIED_STEP) {
+    carried += stands(cloud, i);
+    if (carried * CARRIED_STEP >= static_cast<std::size_t>(options.min_carried)) return true;
+  }
+  return false;
 }
 
 /// Some points of a cloud with their normals: enough to see where it is flat.
@@ -279,7 +248,7 @@ struct NormalSample {
   Normals normals;
 
   explicit NormalSample(const Cloud& whole)
-      : cloud(whole.organized() ? coarseGridOf(whole) : sampleOf(whole, NORMAL_SAMPLE_SIZE)),
+      : cloud(whole.organized() ? coarseGridOf(whole) : samplePoints(whole, NORMAL_SAMPLE_SIZE)),
         normals(computeNormals(cloud, Eigen::Vector3f::Zero(), normalsOptions())) {}
 
  private:
@@ -332,27 +301,22 @@ class TableSearch {
       if (looked_at > 0 && !mayBeLevel(level.plane)) continue;
       ++looked_at;
       const double reach = std::clamp(3 * level.rms, options_.distance / 4, options_.distance);
-      lookAt(cloud_, level.plane, reach);
+      lookAt(cloud_, sample_.cloud, level.plane, reach);
     }
   }
 
   void byDrawing() {
     std::optional<PlaneConstraint> level;
     if (up_) level = PlaneConstraint{*up_, std::cos(options_.max_tilt_deg * M_PI / 180)};
-    std::mt19937 random(static_cast<std::uint32_t>(options_.seed));
-    Cloud sample = sampleOf(cloud_, SAMPLE_SIZE);
-    const Cloud* looked_at = &cloud_;
-    Cloud rest;  // what the planes before leave over: no point belongs to two
+    Cloud rest = cloud_;  // what the planes before leave over: no point belongs to two
     for (int i = 0; i < options_.max_planes; ++i) {
-      // The first plane is drawn without regard to up: if no table is found, it is the reason.
-      const auto drawn =
-          drawPlane(sample, options_.distance, i == 0 ? std::nullopt : level, random);
-      if (!drawn) break;
-      const Eigen::Vector4d plane = lookAt(*looked_at, *drawn, options_.distance);
-      if (done()) break;
-      rest = withoutPoints(*looked_at, pointsNearPlane(*looked_at, plane, options_.distance));
-      looked_at = &rest;
-      sample = withoutPlane(sample, plane, 1.5 * options_.distance);
+      // The first plane is found without regard to up: if no table is found, it is the reason.
+      const auto plane = findLargestPlane(rest, options_.distance, i == 0 ? std::nullopt : level,
+                                          static_cast<std::uint32_t>(options_.seed + i));
+      if (!plane) return;
+      lookAt(rest, samplePoints(rest, SAMPLE_SIZE), plane->plane, options_.distance);
+      if (done()) return;
+      for (const int point : plane->points) rest.drop(point);
     }
   }
 
@@ -374,12 +338,10 @@ class TableSearch {
     return std::min(tilt, 180 - tilt) <= options_.max_tilt_deg + COARSE_TILT_DEG;
   }
 
-  /// Gives back the plane, fitted to all its points if they can be outlined.
-  Eigen::Vector4d lookAt(const Cloud& cloud, const Eigen::Vector4d& plane, double reach) {
-    auto table = tableOnPlane(cloud, plane, reach, forward_, up_, options_);
+  void lookAt(const Cloud& cloud, const Cloud& sample, const Eigen::Vector4d& plane, double reach) {
+    auto table = tableOnPlane(cloud, sample, plane, reach, forward_, up_, options_);
     const std::string why =
         table ? refusal(*table, agreementOf(*table), up_, options_) : table.reason;
-    const Eigen::Vector4d fitted = table ? table->plane : plane;
     if (!why.empty()) {
       if (refusal_.empty()) refusal_ = why;
     } else if (carriesSomething(cloud_, *table, options_)) {
@@ -387,7 +349,6 @@ class TableSearch {
     } else if (!bare_) {
       bare_ = std::move(table.value);
     }
-    return fitted;
   }
 
   /// Not a piece of a table before, nor the lid of a thing on it.
@@ -455,11 +416,20 @@ Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>&
 }
 
 Cloud pointsOnTable(const Cloud& cloud, const Table& table, const TableOptions& options) {
-  const StandingTest stands(table, options);
-  Cloud standing(cloud.width, cloud.height, false);
-  standing.rgb = cloud.rgb;
-  for (std::size_t i = 0; i < cloud.size(); ++i)
-    if (stands(cloud, i)) standing.setPoint(i, cloud.point(i));
+  return keepPoints(cloud, indicesOnTable(cloud, table, options));
+}
+
+Indices indicesOnTable(const Cloud& cloud, const Table& table, const TableOptions& options) {
+  const Flattener flatten(table.T_camera_table);
+  const ConvexRegion region(table.hull, options.hull_margin);
+  Indices standing = pointsBetween(cloud, table.plane, options.min_height, options.max_height);
+  std::size_t count = 0;
+  for (const int i : standing) {
+    const Eigen::Vector2f p = flatten(cloud, i);
+    standing[count] = i;  // kept only if the next line counts it
+    count += region.contains(p.x(), p.y());
+  }
+  standing.resize(count);
   return standing;
 }
 

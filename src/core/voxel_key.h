@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -13,12 +12,18 @@ struct VoxelKey {
   std::int64_t x, y, z;
 
   static VoxelKey of(const Eigen::Vector3f& p, double inverse_leaf) {
-    return {static_cast<std::int64_t>(std::floor(p.x() * inverse_leaf)),
-            static_cast<std::int64_t>(std::floor(p.y() * inverse_leaf)),
-            static_cast<std::int64_t>(std::floor(p.z() * inverse_leaf))};
+    return {floorOf(p.x() * inverse_leaf), floorOf(p.y() * inverse_leaf),
+            floorOf(p.z() * inverse_leaf)};
   }
   bool operator==(const VoxelKey& other) const {
     return x == other.x && y == other.y && z == other.z;
+  }
+
+ private:
+  /// std::floor is a call on processors without SSE4.
+  static std::int64_t floorOf(double value) {
+    const auto towards_zero = static_cast<std::int64_t>(value);
+    return towards_zero - (value < static_cast<double>(towards_zero));
   }
 };
 

@@ -7,15 +7,16 @@
 
 namespace tabletop_perception {
 
-/// Numbers the cubes of a grid from 0 up, in the order in which they are first asked for: a hash
-/// table with open addressing, which points that come cube after cube seldom have to enter.
-class VoxelNumbers {
+/// Numbers keys from 0 up, in the order in which they are first asked for: a hash table with open
+/// addressing, which a key that comes several times in a row enters once.
+template <typename Key, typename Hash>
+class Numbering {
  public:
   int size() const { return static_cast<int>(keys_.size()); }
-  const VoxelKey& key(int number) const { return keys_[number]; }
+  const Key& key(int number) const { return keys_[number]; }
 
-  /// The number of a cube; a new one gets size().
-  int numberOf(const VoxelKey& key) {
+  /// The number of a key; a new one gets size().
+  int numberOf(const Key& key) {
     if (last_ >= 0 && keys_[last_] == key) return last_;
     std::size_t slot = slotOf(key);
     if (slots_[slot] < 0) {
@@ -29,14 +30,14 @@ class VoxelNumbers {
     return last_ = slots_[slot];
   }
 
-  /// The number of a cube; -1 if it has none.
-  int find(const VoxelKey& key) const { return slots_[slotOf(key)]; }
+  /// The number of a key; -1 if it has none.
+  int find(const Key& key) const { return slots_[slotOf(key)]; }
 
  private:
-  /// Where the cube is, or belongs.
-  std::size_t slotOf(const VoxelKey& key) const {
+  /// Where the key is, or belongs.
+  std::size_t slotOf(const Key& key) const {
     const std::size_t mask = slots_.size() - 1;
-    std::size_t slot = VoxelKeyHash()(key) & mask;
+    std::size_t slot = Hash()(key) & mask;
     while (slots_[slot] >= 0 && !(keys_[slots_[slot]] == key)) slot = (slot + 1) & mask;
     return slot;
   }
@@ -46,9 +47,12 @@ class VoxelNumbers {
     for (int number = 0; number < size(); ++number) slots_[slotOf(keys_[number])] = number;
   }
 
-  std::vector<VoxelKey> keys_;
+  std::vector<Key> keys_;
   std::vector<int> slots_ = std::vector<int>(1 << 12, -1);  ///< as many as a power of two
   int last_ = -1;
 };
+
+/// The cubes of a grid, numbered as their points come.
+using VoxelNumbers = Numbering<VoxelKey, VoxelKeyHash>;
 
 }  // namespace tabletop_perception

@@ -41,7 +41,19 @@ json stageJson(const StageTiming& stage) {
 }
 
 json normalsJson(const NormalsQuality& quality) {
-  return {{"valid_share", quality.valid_share}, {"p95_error_deg", quality.p95_error_deg}};
+  return {{"valid_share", quality.valid_share},
+          {"median_error_deg", quality.median_error_deg},
+          {"p95_error_deg", quality.p95_error_deg}};
+}
+
+json normalsMethodJson(const NormalsTiming& entry) {
+  json object = timingJson(entry.ours);
+  object.update({{"method", entry.method}, {"ours", normalsJson(entry.our_quality)}});
+  if (entry.pcl && entry.pcl_quality)
+    object.update({{"pcl_ms", entry.pcl->min_ms},
+                   {"pcl_median_ms", entry.pcl->median_ms},
+                   {"pcl", normalsJson(*entry.pcl_quality)}});
+  return object;
 }
 
 json sceneJson(const SceneTiming& timing) {
@@ -51,11 +63,14 @@ json sceneJson(const SceneTiming& timing) {
                  {"memory", {{"process_peak_mb", timing.process_peak_mb}}}};
   for (const auto& stage : timing.stages) object["stages"].push_back(stageJson(stage));
   if (timing.frame_mb) object["memory"]["frame_mb"] = *timing.frame_mb;
+  if (timing.table) object["table"] = timingJson(*timing.table);
   if (timing.split) object["split"] = timingJson(*timing.split);
   if (timing.recognition) object["recognition"] = timingJson(*timing.recognition);
   if (timing.our_normals && timing.pcl_normals)
     object["normals"] = {{"ours", normalsJson(*timing.our_normals)},
                          {"pcl", normalsJson(*timing.pcl_normals)}};
+  for (const auto& entry : timing.normals_methods)
+    object["normals_methods"].push_back(normalsMethodJson(entry));
   return object;
 }
 
@@ -74,6 +89,23 @@ void printNormals(const char* whose, const NormalsQuality& quality) {
               whose, quality.valid_share * 100, quality.p95_error_deg);
 }
 
+void printQuality(const Timing& timing, const NormalsQuality& quality) {
+  std::printf(" %8.2f %5.1f %% %5.1f %5.1f", timing.min_ms, quality.valid_share * 100,
+              quality.median_error_deg, quality.p95_error_deg);
+}
+
+void printNormalsMethods(const std::vector<NormalsTiming>& methods) {
+  if (methods.empty()) return;
+  std::printf("  %-20s %28s %28s\n", "normals [ms, deg]", "ours   valid median   p95",
+              "PCL   valid median   p95");
+  for (const auto& entry : methods) {
+    std::printf("  %-20s", entry.method.c_str());
+    printQuality(entry.ours, entry.our_quality);
+    if (entry.pcl && entry.pcl_quality) printQuality(*entry.pcl, *entry.pcl_quality);
+    std::printf("\n");
+  }
+}
+
 void printScene(const SceneTiming& timing) {
   std::printf("%s\n  %-18s %17s %17s  ratio\n", timing.scene.c_str(), "[ms]", "ours min  median",
               "PCL min  median");
@@ -84,6 +116,7 @@ void printScene(const SceneTiming& timing) {
     if (stage.pcl.runs < stage.ours.runs) std::printf(" (%d runs)", stage.pcl.runs);
     std::printf("\n");
   }
+  if (timing.table) printOwn("table", *timing.table, "with outline and points, in the front end");
   if (timing.split) {
     char share[80];
     const auto* front_end = findStage(timing, "front_end");
@@ -94,6 +127,7 @@ void printScene(const SceneTiming& timing) {
   if (timing.recognition) printOwn("recognition", *timing.recognition, "cloud to poses");
   if (timing.our_normals) printNormals("ours", *timing.our_normals);
   if (timing.pcl_normals) printNormals("PCL", *timing.pcl_normals);
+  printNormalsMethods(timing.normals_methods);
   if (timing.frame_mb) std::printf("  memory: %.1f MB for a frame,", *timing.frame_mb);
   std::printf(" process peak %.0f MB\n", timing.process_peak_mb);
   if (!timing.reason.empty()) std::printf("  reason: %s\n", timing.reason.c_str());

@@ -14,6 +14,7 @@
 #include "stock_pcl.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/packed_cloud.h"
+#include "tabletop_perception/planes.h"
 
 namespace tabletop_perception::tools {
 namespace {
@@ -94,7 +95,7 @@ std::vector<std::uint32_t> frontEnd(const PackedCloud& packed,
   const auto table = findTable(filtered, up, options.table);
   if (!table) return {};
   const auto clusters =
-      extractClusters(pointsOnTable(filtered, *table, options.table), options.cluster);
+      extractClusters(filtered, indicesOnTable(filtered, *table, options.table), options.cluster);
   return labelsOf(filtered.size(), table->inliers, clusters);
 }
 
@@ -117,19 +118,23 @@ NormalsQuality qualityOf(const Cloud& cloud, const Table& table, NormalAt normal
   for (const int i : table.inliers)
     if (const auto angle = angleDeg(normalAt(i), table.plane.head<3>())) errors.push_back(*angle);
   if (errors.empty()) return quality;
-  const auto p95 = errors.begin() + static_cast<std::ptrdiff_t>(0.95 * errors.size());
-  std::nth_element(errors.begin(), p95, errors.end());
-  quality.p95_error_deg = *p95;
+  std::sort(errors.begin(), errors.end());
+  quality.median_error_deg = errors[errors.size() / 2];
+  quality.p95_error_deg = errors[static_cast<std::size_t>(0.95 * errors.size())];
   return quality;
 }
 
-void rateNormals(const Cloud& cloud, const Table& table, SceneTiming& timing) {
-  const Normals ours = computeNormals(cloud, Eigen::Vector3f::Zero(), NormalsOptions());
-  timing.our_normals = qualityOf(
-      cloud, table, [&](int i) { return Eigen::Vector3d(ours.x[i], ours.y[i], ours.z[i]); });
-  const auto stock = stock::normals(stock::pointsOf(cloud));
-  timing.pcl_normals = qualityOf(cloud, table, [&](int i) {
-    return Eigen::Vector3d(stock[i].normal_x, stock[i].normal_y, stock[i].normal_z);
+NormalsQuality ourQuality(const Cloud& cloud, const Table& table, const NormalsOptions& options) {
+  const Normals normals = computeNormals(cloud, Eigen::Vector3f::Zero(), options);
+  return qualityOf(cloud, table, [&](int i) {
+    return Eigen::Vector3d(normals.x[i], normals.y[i], normals.z[i]);
+  });
+}
+
+NormalsQuality stockQuality(const Cloud& cloud, const Table& table, const std::string& method) {
+  const auto normals = stock::normals(stock::pointsOf(cloud), method);
+  return qualityOf(cloud, table, [&](int i) {
+    return Eigen::Vector3d(normals[i].normal_x, normals[i].normal_y, normals[i].normal_z);
   });
 }
 
@@ -167,17 +172,42 @@ void timeWholeFrame(const Cloud& cloud, const pcl::PCLPointCloud2& message,
       [&] { return stock::normals(points); });
 }
 
+void compareNormals(const Cloud& cloud, const Table& table, int runs, SceneTiming& timing) {
+  const stock::Points::ConstPtr points = stock::pointsOf(cloud);
+  for (const std::string method :
+       {"window", "average_depth_change", "average_3d_gradient", "covariance"}) {
+    NormalsOptions options;
+    options.method = method;
+    const auto ours =
+        discarding([&] { return computeNormals(cloud, Eigen::Vector3f::Zero(), options); });
+    NormalsTiming entry;
+    entry.method = method;
+    entry.our_quality = ourQuality(cloud, table, options);
+    if (method == "window") {
+      entry.ours = timeAlone(runs, ours);
+    } else {
+      const auto pair = timeInTurn(method, "IntegralImageNormalEstimation", runs, ours,
+                                   discarding([&] { return stock::normals(points, method); }));
+      entry.ours = pair.ours;
+      entry.pcl = pair.pcl;
+      entry.pcl_quality = stockQuality(cloud, table, method);
+    }
+    timing.normals_methods.push_back(std::move(entry));
+  }
+}
+
 /// `standing`: the points of `filtered` that are to be clustered.
-void timeClusters(const Cloud& filtered, const Cloud& standing, const ClusterOptions& options,
+void timeClusters(const Cloud& filtered, const Indices& standing, const ClusterOptions& options,
                   Stages& stages) {
-  const stock::Points::ConstPtr voxels = stock::voxelGrid(stock::pointsOf(standing));
-  const auto ours = [&] { return extractClusters(standing, options); };
+  const stock::Points::ConstPtr voxels =
+      stock::voxelGrid(stock::pointsOf(keepPoints(filtered, standing)));
+  const auto ours = [&] { return extractClusters(filtered, standing, options); };
   stages.time("clusters", "EuclideanClusterExtraction", ours,
               [&] { return stock::euclideanClusters(voxels); });
-  if (!standing.organized()) return;
+  if (!filtered.organized()) return;
   const stock::Points::ConstPtr points = stock::pointsOf(filtered);
-  const stock::Labels::Ptr labels(new stock::Labels(standing.width, standing.height));
-  for (const int i : validIndices(standing)) (*labels)[i].label = 1;
+  const stock::Labels::Ptr labels(new stock::Labels(filtered.width, filtered.height));
+  for (const int i : standing) (*labels)[i].label = 1;
   stages.time("clusters_organized", "OrganizedConnectedComponentSegmentation", ours,
               [&] { return stock::organizedClusters(points, labels); });
 }
@@ -212,21 +242,28 @@ SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector
   const stock::Points::ConstPtr voxels = stock::voxelGrid(stock::crop(message, forward, false));
   if (!voxels->empty())
     stages.time(
-        "plane", "SACSegmentation", [&] { return findTable(filtered, up, options.table); },
+        "plane", "SACSegmentation",
+        [&] { return findLargestPlane(filtered, stock::PLANE_DISTANCE, std::nullopt, 1); },
         [&] { return stock::planeInliers(voxels); });
   const auto table = findTable(filtered, up, options.table);
   timing.reason = table.reason;
   if (table) {
-    const Cloud standing = pointsOnTable(filtered, *table, options.table);
+    timing.table =
+        timeAlone(runs, discarding([&] { return findTable(filtered, up, options.table); }));
+    const Indices standing = indicesOnTable(filtered, *table, options.table);
     timeClusters(filtered, standing, options.cluster, stages);
     const auto packed = packedView(message);
     stages.time(
         "front_end", "PassThrough to clusters", [&] { return frontEnd(packed, up, options); },
         [&] { return stock::frontEnd(message, forward); });
-    const auto clusters = extractClusters(standing, options.cluster);
+    const auto clusters = extractClusters(filtered, standing, options.cluster);
     timing.split = timeAlone(
-        runs, discarding([&] { return splitClusters(standing, clusters, options.split); }));
-    if (scene.cloud.organized()) rateNormals(scene.cloud, *table, timing);
+        runs, discarding([&] { return splitClusters(filtered, clusters, options.split); }));
+    if (scene.cloud.organized()) {
+      timing.our_normals = ourQuality(scene.cloud, *table, NormalsOptions());
+      timing.pcl_normals = stockQuality(scene.cloud, *table, "covariance");
+      compareNormals(scene.cloud, *table, runs, timing);
+    }
   }
   if (models)
     timing.recognition = timeAlone(

@@ -30,8 +30,18 @@ struct StageTiming {
 
 /// How good normals are.
 struct NormalsQuality {
-  double valid_share = 0;    ///< of the points that have a normal, 0 to 1
-  double p95_error_deg = 0;  ///< 95th percentile of the angles to the table's normal, on it [deg]
+  double valid_share = 0;       ///< of the points that have a normal, 0 to 1
+  double median_error_deg = 0;  ///< of the angles to the table's normal, on it [deg]
+  double p95_error_deg = 0;     ///< 95th percentile of the same [deg]
+};
+
+/// A way to normals of ours, and PCL's of the same name.
+struct NormalsTiming {
+  std::string method;
+  Timing ours;
+  NormalsQuality our_quality;
+  std::optional<Timing> pcl;  ///< none for "window"
+  std::optional<NormalsQuality> pcl_quality;
 };
 
 /// What `tabletop benchmark` measures on one scene.
@@ -39,7 +49,9 @@ struct SceneTiming {
   std::string scene;
   std::vector<StageTiming> stages;
   std::optional<NormalsQuality> our_normals, pcl_normals;
-  std::optional<Timing> split;        ///< cutting clusters apart: stock PCL has nothing like it
+  std::vector<NormalsTiming> normals_methods;  ///< with a grid and a table
+  std::optional<Timing> table;  ///< with its outline and points: stock PCL has nothing like it
+  std::optional<Timing> split;  ///< cutting clusters apart: stock PCL has nothing like it
   std::optional<Timing> recognition;  ///< cloud to named poses, with a database
   std::string reason;                 ///< why stages are missing; empty: none is
   std::optional<double> frame_mb;     ///< working memory of one frame, bytes to labels [1e6 bytes]

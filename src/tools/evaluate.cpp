@@ -87,6 +87,7 @@ namespace {
 
 struct EvaluateArguments {
   std::string labels, poses, models, results, report;
+  std::vector<std::string> unknown;
   bool json = false;
 };
 
@@ -95,7 +96,8 @@ void evaluate(const EvaluateArguments& arguments) {
   if (!arguments.labels.empty())
     evaluateLabels(arguments.labels, arguments.results, arguments.json, arguments.report);
   else
-    evaluatePoses(arguments.poses, arguments.models, arguments.results, arguments.json);
+    evaluatePoses(arguments.poses, arguments.models, arguments.results, arguments.unknown,
+                  arguments.json);
 }
 
 }  // namespace
@@ -118,6 +120,11 @@ void addEvaluate(CLI::App& app) {
   poses->needs(models);
   models->needs(poses);
   command
+      ->add_option("--unknown", arguments->unknown,
+                   "objects of the truth that were not taught: giving them a name is wrong")
+      ->type_name("NAME")
+      ->needs(poses);
+  command
       ->add_option("--results", arguments->results,
                    "folder of NAME.pcd from segment --output, or NAME.json from recognize --output")
       ->required();
@@ -134,6 +141,8 @@ void addEvaluate(CLI::App& app) {
       "the table. An object in parts counts as a whole or in parts, whichever fits better.\n"
       "Poses: right is the right name and no vertex off by 0.1 diameters (MSSD, over symmetries);\n"
       "ADD-S counts below 0.1 diameters, its AUC goes to 10 cm; precision is right / results.\n"
+      "With depth images also the BOP Challenge's average recall; with visible_share in gt.json\n"
+      "the right ones by visibility.\n"
       "Exit code: 0 done, 2 bad usage or unreadable input.\n"
       "Example: tabletop evaluate --labels truth --results segmented");
   command->callback([arguments] { evaluate(*arguments); });

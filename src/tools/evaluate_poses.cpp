@@ -3,9 +3,13 @@
 #include <cstdio>
 #include <limits>
 #include <optional>
+#include <set>
 #include <stdexcept>
 
 #include "evaluate.h"
+#include "scene_source.h"
+#include "tabletop_perception/bop_metrics.h"
+#include "tabletop_perception/geometry.h"
 #include "tabletop_perception/pose_metrics.h"
 
 namespace tabletop_perception::tools {
@@ -17,12 +21,29 @@ namespace {
 
 constexpr double ROTATION_TOLERANCE = 1e-3;  // of R R^T against the identity
 
+/// An object of the truth.
+struct TrueObject : PosedObject {
+  std::optional<double> visible;  ///< share of it that the camera sees, where the truth says it
+};
+
+/// What a result gives a name.
+struct NamedResult : PosedObject {
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  ///< of its points, else of its frame [m]
+};
+
 /// A scene of the truth, and how its result came out.
 struct PosedScene {
   std::string name;
-  std::vector<PosedObject> truth;
+  fs::path folder;
+  std::vector<TrueObject> truth;    ///< of names that were taught
+  std::vector<TrueObject> unknown;  ///< of names that were not
   bool has_result = false;
+  std::vector<NamedResult> results;
+  std::optional<double> time_ms;  ///< that the result took
   PoseScore score;
+  std::size_t false_accepts = 0;  ///< unknown objects that were given a name
+  /// Of each object of `truth`; absent where there is no depth image.
+  std::optional<std::vector<std::optional<BopRecall>>> bop;
   /// Height of each true object's lowest vertex above the table that was found [m]; of things that
   /// stand on it: how far the table is off. Empty without a table.
   std::vector<double> lowest;
@@ -53,31 +74,49 @@ Eigen::Isometry3d poseFromParts(const json& parts) {
   return pose;
 }
 
-/// The `objects` of a file; those named "unknown" are left out.
-std::vector<PosedObject> readObjects(const fs::path& file,
-                                     Eigen::Isometry3d (*pose_of)(const json& object)) {
-  std::vector<PosedObject> objects;
-  visitJson(file, [&](const json& content) {
-    for (const auto& object : content.at("objects")) {
-      const auto name = object.at("name").get<std::string>();
-      if (name == "unknown") continue;
-      try {
-        objects.push_back({name, pose_of(object)});
-      } catch (const std::invalid_argument& error) {
-        throw std::invalid_argument(file.string() + ": " + name + ": " + error.what());
-      }
+/// Visits the `objects` of a file but for those named "unknown".
+void visitObjects(const json& content, const fs::path& file,
+                  const std::function<void(const std::string& name, const json& object)>& visit) {
+  for (const auto& object : content.at("objects")) {
+    const auto name = object.at("name").get<std::string>();
+    if (name == "unknown") continue;
+    try {
+      visit(name, object);
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument(file.string() + ": " + name + ": " + error.what());
     }
+  }
+}
+
+/// A scene with its truth; objects of the names in `unknown` are kept apart.
+PosedScene readTruth(const fs::path& folder, const std::set<std::string>& unknown) {
+  PosedScene scene;
+  scene.name = folder.filename();
+  scene.folder = folder;
+  const fs::path file = folder / "gt.json";
+  visitJson(file, [&](const json& content) {
+    visitObjects(content, file, [&](const std::string& name, const json& object) {
+      TrueObject one{{name, poseFromRows(object.at("model_to_camera_3x4"))}, std::nullopt};
+      if (const auto share = object.find("visible_share"); share != object.end())
+        one.visible = share->get<double>();
+      (unknown.count(name) > 0 ? scene.unknown : scene.truth).push_back(one);
+    });
   });
-  return objects;
+  return scene;
 }
 
-std::vector<PosedObject> readTruth(const fs::path& file) {
-  return readObjects(
-      file, [](const json& object) { return poseFromRows(object.at("model_to_camera_3x4")); });
-}
-
-std::vector<PosedObject> readResult(const fs::path& file) {
-  return readObjects(file, [](const json& object) { return poseFromParts(object.at("pose")); });
+void readResult(const fs::path& file, PosedScene& scene) {
+  visitJson(file, [&](const json& content) {
+    visitObjects(content, file, [&](const std::string& name, const json& object) {
+      NamedResult one{{name, poseFromParts(object.at("pose"))}, {}};
+      const auto box = object.find("box");
+      one.middle = box == object.end() ? one.T_camera_object.translation()
+                                       : poseFromParts(box->at("pose")).translation();
+      scene.results.push_back(one);
+    });
+    if (const auto times = content.find("times_ms"); times != content.end())
+      scene.time_ms = times->at("total").get<double>();
+  });
 }
 
 /// The `table` of a result; none if it is null.
@@ -92,7 +131,7 @@ std::optional<Eigen::Vector4d> readTablePlane(const fs::path& file) {
   return plane;
 }
 
-std::vector<double> lowestVertices(const std::vector<PosedObject>& truth,
+std::vector<double> lowestVertices(const std::vector<TrueObject>& truth,
                                    const std::map<std::string, ReferenceModel>& models,
                                    const Eigen::Vector4d& plane) {
   std::vector<double> lowest;
@@ -107,19 +146,24 @@ std::vector<double> lowestVertices(const std::vector<PosedObject>& truth,
 }
 
 /// The folders with a gt.json, by name.
-std::vector<PosedScene> readScenes(const fs::path& truth) {
+std::vector<PosedScene> readScenes(const fs::path& truth, const std::set<std::string>& unknown) {
   checkFolder(truth, "--poses");
-  std::map<std::string, fs::path> files;
+  std::set<fs::path> folders;
   for (const auto& entry : fs::directory_iterator(truth))
-    if (fs::exists(entry.path() / "gt.json"))
-      files[entry.path().filename()] = entry.path() / "gt.json";
-  if (files.empty())
+    if (fs::exists(entry.path() / "gt.json")) folders.insert(entry.path());
+  if (folders.empty())
     throw std::invalid_argument(
         "--poses must be a folder of folders with a gt.json, there is "
         "none in " +
         truth.string());
   std::vector<PosedScene> scenes;
-  for (const auto& [name, file] : files) scenes.push_back({name, readTruth(file), false, {}, {}});
+  for (const auto& folder : folders) scenes.push_back(readTruth(folder, unknown));
+  for (const auto& name : unknown)
+    if (std::none_of(scenes.begin(), scenes.end(), [&](const PosedScene& scene) {
+          return std::any_of(scene.unknown.begin(), scene.unknown.end(),
+                             [&](const TrueObject& object) { return object.name == name; });
+        }))
+      throw std::invalid_argument("--unknown " + name + ": the truth has no object of that name");
   return scenes;
 }
 
@@ -138,19 +182,117 @@ std::map<std::string, std::string> readSymmetries(const fs::path& models) {
   return symmetries;
 }
 
+struct Models {
+  std::map<std::string, ReferenceModel> reference;
+  std::map<std::string, MeshRenderer> renderers;
+};
+
 /// The models of all objects in the truth.
-std::map<std::string, ReferenceModel> readModels(const fs::path& models,
-                                                 const std::vector<PosedScene>& scenes) {
-  checkFolder(models, "--models");
-  auto symmetries = readSymmetries(models);
-  std::map<std::string, ReferenceModel> read;
+Models readModels(const fs::path& folder, const std::vector<PosedScene>& scenes) {
+  checkFolder(folder, "--models");
+  auto symmetries = readSymmetries(folder);
+  Models models;
   for (const auto& scene : scenes)
-    for (const auto& object : scene.truth) {
-      if (read.count(object.name) > 0) continue;
-      const auto mesh = readMesh(models / object.name / "mesh.ply", 1);
-      read.emplace(object.name, makeReferenceModel(mesh, symmetries[object.name]));
+    for (const auto* objects : {&scene.truth, &scene.unknown})
+      for (const auto& object : *objects) {
+        if (models.reference.count(object.name) > 0) continue;
+        const auto mesh = readMesh(folder / object.name / "mesh.ply", 1);
+        models.reference.emplace(object.name, makeReferenceModel(mesh, symmetries[object.name]));
+        models.renderers.try_emplace(object.name, mesh);
+      }
+  return models;
+}
+
+/// Unknown objects that results with a name are nearest to, by the middles, of all true objects; a
+/// result that is right has its object.
+std::size_t countFalseAccepts(const PosedScene& scene, const Models& models) {
+  const auto squaredDistance = [&](const TrueObject& object, const NamedResult& result) {
+    const auto& vertices = models.reference.at(object.name).vertices.points();
+    return (object.T_camera_object * centroidOf(vertices).cast<double>() - result.middle)
+        .squaredNorm();
+  };
+  std::set<std::size_t> accepted;
+  for (std::size_t r = 0; r < scene.results.size(); ++r) {
+    const auto& own = scene.score.object_of_result[r];
+    if (own && scene.score.truth[*own].right()) continue;
+    double nearest = std::numeric_limits<double>::max();
+    for (const auto& object : scene.truth)
+      nearest = std::min(nearest, squaredDistance(object, scene.results[r]));
+    std::optional<std::size_t> stranger;
+    for (std::size_t u = 0; u < scene.unknown.size(); ++u) {
+      const double distance = squaredDistance(scene.unknown[u], scene.results[r]);
+      if (distance >= nearest) continue;
+      nearest = distance;
+      stranger = u;
     }
-  return read;
+    if (stranger) accepted.insert(*stranger);
+  }
+  return accepted.size();
+}
+
+/// None without a depth image.
+std::optional<std::vector<std::optional<BopRecall>>> bopRecalls(const PosedScene& scene,
+                                                                const Models& models) {
+  if (!fs::exists(scene.folder / "depth.png")) return std::nullopt;
+  std::vector<std::optional<BopRecall>> recalls(scene.truth.size());
+  visitScenes({scene.folder.string()}, "", [&](const Scene& seen) {
+    const auto projection = fitProjection(seen.cloud);
+    if (!projection)
+      throw std::invalid_argument((scene.folder / "depth.png").string() + ": " + projection.reason);
+    for (std::size_t r = 0; r < scene.results.size(); ++r) {
+      const auto& object = scene.score.object_of_result[r];
+      if (!object) continue;
+      const auto& truth = scene.truth[*object];
+      const auto& model = models.reference.at(truth.name);
+      const auto error = measureBop(model, models.renderers.at(truth.name), seen.cloud, *projection,
+                                    truth.T_camera_object, scene.results[r].T_camera_object);
+      recalls[*object] = bopRecall(error, model.diameter);
+    }
+  });
+  return recalls;
+}
+
+/// What a set of scenes gives beyond the figures of its poses.
+struct FurtherFigures {
+  struct Bin {
+    double from = 0, to = 0;  ///< of the visible share; the last holds its end too
+    std::size_t objects = 0, right = 0;
+  };
+  std::optional<BopRecall> bop;  ///< over the scenes with a depth image
+  std::size_t unknown = 0, false_accepts = 0;
+  std::vector<Bin> visibility;  ///< empty where the truth does not say what is seen
+  std::optional<double> mean_time_ms, max_time_ms;
+};
+
+FurtherFigures furtherFigures(const std::vector<PosedScene>& scenes) {
+  constexpr int BINS = 5;
+  FurtherFigures figures;
+  std::vector<std::optional<BopRecall>> recalls;
+  std::vector<FurtherFigures::Bin> bins(BINS);
+  for (int b = 0; b < BINS; ++b) bins[b].from = b / 5.0, bins[b].to = (b + 1) / 5.0;
+  bool any_visible = false;
+  double sum = 0;
+  std::size_t timed = 0;
+  for (const auto& scene : scenes) {
+    if (scene.bop) recalls.insert(recalls.end(), scene.bop->begin(), scene.bop->end());
+    figures.unknown += scene.unknown.size();
+    figures.false_accepts += scene.false_accepts;
+    for (std::size_t i = 0; i < scene.truth.size(); ++i) {
+      if (!scene.truth[i].visible) continue;
+      any_visible = true;
+      auto& bin = bins[std::clamp(static_cast<int>(*scene.truth[i].visible * BINS), 0, BINS - 1)];
+      ++bin.objects;
+      bin.right += scene.score.truth[i].right();
+    }
+    if (!scene.time_ms) continue;
+    ++timed;
+    sum += *scene.time_ms;
+    figures.max_time_ms = std::max(figures.max_time_ms.value_or(0), *scene.time_ms);
+  }
+  figures.bop = meanRecall(recalls);
+  if (any_visible) figures.visibility = bins;
+  if (timed > 0) figures.mean_time_ms = sum / static_cast<double>(timed);
+  return figures;
 }
 
 std::vector<PoseScore> scoresOf(const std::vector<PosedScene>& scenes) {
@@ -179,6 +321,27 @@ std::vector<std::string> rowOf(const std::string& name, const PoseSummary& summa
           formatted(summary.median_translation, 1000, 1)};
 }
 
+void printFurther(const FurtherFigures& figures) {
+  const auto percent = [](double share) { return formatted(share, 100, 1) + " %"; };
+  std::vector<std::vector<std::string>> rows;
+  if (figures.bop)
+    rows.push_back({"BOP average recall, indicative", percent(figures.bop->average()), "VSD",
+                    percent(figures.bop->vsd), "MSSD", percent(figures.bop->mssd), "MSPD",
+                    percent(figures.bop->mspd)});
+  if (figures.unknown > 0)
+    rows.push_back({"unknown things given a name",
+                    std::to_string(figures.false_accepts) + "/" + std::to_string(figures.unknown)});
+  for (const auto& bin : figures.visibility)
+    rows.push_back({"right where " + formatted(bin.from, 100, 0) + " to " +
+                        formatted(bin.to, 100, 0) + " % are visible",
+                    std::to_string(bin.right) + "/" + std::to_string(bin.objects)});
+  if (figures.mean_time_ms)
+    rows.push_back({"time per scene, mean and most", formatted(figures.mean_time_ms, 1, 1) + " ms",
+                    formatted(figures.max_time_ms, 1, 1) + " ms"});
+  if (!rows.empty()) std::printf("\n");
+  printColumns(rows);
+}
+
 void printText(const std::vector<PosedScene>& scenes) {
   const auto scores = scoresOf(scenes);
   std::vector<std::vector<std::string>> rows;
@@ -194,6 +357,25 @@ void printText(const std::vector<PosedScene>& scenes) {
   rows.emplace_back();
   rows.push_back(rowOf("all " + std::to_string(scenes.size()) + " scenes", summarize(scores)));
   printColumns(rows);
+  printFurther(furtherFigures(scenes));
+}
+
+ordered_json furtherJson(const FurtherFigures& figures) {
+  ordered_json json = {{"bop_recall", nullptr},
+                       {"unknown", figures.unknown},
+                       {"false_accepts", figures.false_accepts},
+                       {"visibility", ordered_json::array()},
+                       {"time_ms", orNull(figures.mean_time_ms)},
+                       {"max_time_ms", orNull(figures.max_time_ms)}};
+  if (figures.bop)
+    json["bop_recall"] = {{"average", figures.bop->average()},
+                          {"vsd", figures.bop->vsd},
+                          {"mssd", figures.bop->mssd},
+                          {"mspd", figures.bop->mspd}};
+  for (const auto& bin : figures.visibility)
+    json["visibility"].push_back(
+        {{"from", bin.from}, {"to", bin.to}, {"objects", bin.objects}, {"right", bin.right}});
+  return json;
 }
 
 ordered_json summaryJson(const PoseSummary& summary) {
@@ -208,7 +390,7 @@ ordered_json summaryJson(const PoseSummary& summary) {
           {"median_translation", orNull(summary.median_translation)}};
 }
 
-ordered_json outcomeJson(const PoseOutcome& outcome) {
+ordered_json outcomeJson(const PoseOutcome& outcome, std::optional<double> visible) {
   const auto figure = [&](double PoseError::*member) {
     return outcome.error ? ordered_json((*outcome.error).*member) : ordered_json();
   };
@@ -217,15 +399,20 @@ ordered_json outcomeJson(const PoseOutcome& outcome) {
           {"mssd", figure(&PoseError::mssd)},
           {"add_s", figure(&PoseError::add_s)},
           {"translation", figure(&PoseError::translation)},
-          {"diameter", outcome.diameter}};
+          {"diameter", outcome.diameter},
+          {"visible_share", orNull(visible)}};
 }
 
 ordered_json sceneJson(const PosedScene& scene) {
   ordered_json json = {{"scene", scene.name}, {"has_result", scene.has_result}};
   json.update(summaryJson(summarize({scene.score})));
   json["matches"] = ordered_json::array();
-  for (const auto& outcome : scene.score.truth) json["matches"].push_back(outcomeJson(outcome));
+  for (std::size_t i = 0; i < scene.truth.size(); ++i)
+    json["matches"].push_back(outcomeJson(scene.score.truth[i], scene.truth[i].visible));
   json["lowest_above_table"] = scene.lowest;  // in the order of the truth
+  json["unknown"] = scene.unknown.size();
+  json["false_accepts"] = scene.false_accepts;
+  json["time_ms"] = orNull(scene.time_ms);
   return json;
 }
 
@@ -239,26 +426,30 @@ void printJson(const std::vector<PosedScene>& scenes) {
   }
   json["all"] = {{"scenes", scenes.size()}};
   json["all"].update(summaryJson(summarize(scores)));
+  json["all"].update(furtherJson(furtherFigures(scenes)));
   std::printf("%s\n", json.dump().c_str());
 }
 
 }  // namespace
 
-void evaluatePoses(const fs::path& truth, const fs::path& models, const fs::path& results,
-                   bool json) {
-  auto scenes = readScenes(truth);
+void evaluatePoses(const fs::path& truth, const fs::path& models_folder, const fs::path& results,
+                   const std::vector<std::string>& unknown, bool json) {
+  auto scenes = readScenes(truth, {unknown.begin(), unknown.end()});
   std::vector<std::string> names;
   for (const auto& scene : scenes) names.push_back(scene.name);
   const auto result_files = findResults(results, names, ".json");
-  const auto reference = readModels(models, scenes);
+  const auto models = readModels(models_folder, scenes);
   for (auto& scene : scenes) {
     const auto result = result_files.find(scene.name);
     scene.has_result = result != result_files.end();
-    const auto found = scene.has_result ? readResult(result->second) : std::vector<PosedObject>{};
-    scene.score = scorePoses(scene.truth, found, reference);
+    if (scene.has_result) readResult(result->second, scene);
+    scene.score = scorePoses({scene.truth.begin(), scene.truth.end()},
+                             {scene.results.begin(), scene.results.end()}, models.reference);
+    scene.false_accepts = countFalseAccepts(scene, models);
+    scene.bop = bopRecalls(scene, models);
     if (!scene.has_result) continue;
     if (const auto plane = readTablePlane(result->second))
-      scene.lowest = lowestVertices(scene.truth, reference, *plane);
+      scene.lowest = lowestVertices(scene.truth, models.reference, *plane);
   }
   json ? printJson(scenes) : printText(scenes);
 }

@@ -84,9 +84,13 @@ Points::Ptr voxelGrid(const Points::ConstPtr& points) {
   return voxels;
 }
 
-pcl::PointCloud<pcl::Normal> normals(const Points::ConstPtr& points) {
-  pcl::IntegralImageNormalEstimation<Point, pcl::Normal> estimation;
-  estimation.setNormalEstimationMethod(estimation.COVARIANCE_MATRIX);
+pcl::PointCloud<pcl::Normal> normals(const Points::ConstPtr& points, const std::string& method) {
+  using Estimation = pcl::IntegralImageNormalEstimation<Point, pcl::Normal>;
+  Estimation estimation;
+  estimation.setNormalEstimationMethod(
+      method == "average_depth_change"  ? Estimation::AVERAGE_DEPTH_CHANGE
+      : method == "average_3d_gradient" ? Estimation::AVERAGE_3D_GRADIENT
+                                        : Estimation::COVARIANCE_MATRIX);
   estimation.setMaxDepthChangeFactor(NORMAL_DEPTH_CHANGE);
   estimation.setNormalSmoothingSize(NORMAL_SMOOTHING_SIZE);
   estimation.setInputCloud(points);

@@ -50,8 +50,10 @@ Points::Ptr crop(const pcl::PCLPointCloud2& message, const Forward& forward, boo
 
 Points::Ptr voxelGrid(const Points::ConstPtr& points);
 
-/// By the covariance of integral images; NaN where there is none. The cloud must be organised.
-pcl::PointCloud<pcl::Normal> normals(const Points::ConstPtr& points);
+/// By integral images, with one of the methods that NormalsOptions names; NaN where there is none.
+/// The cloud must be organised.
+pcl::PointCloud<pcl::Normal> normals(const Points::ConstPtr& points,
+                                     const std::string& method = "covariance");
 
 /// Points on the largest plane.
 pcl::PointIndices planeInliers(const Points::ConstPtr& points);

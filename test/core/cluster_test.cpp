@@ -174,6 +174,38 @@ TEST(Cluster, OverTheGridIsSingleLinkageOnWallsWithHoles) {
   }
 }
 
+TEST(Cluster, WithoutTheGridAreTheSameAsOnIt) {
+  std::mt19937 random(5);
+  std::normal_distribution<float> noise(0, 0.4f * SPACING);
+  for (int round = 0; round < 20; ++round) {
+    Cloud cloud = wall(60, 40);
+    for (const int i : validIndices(cloud)) {
+      const unsigned what = random() % 10;
+      cloud.setPoint(i, cloud.point(i) + Eigen::Vector3f(noise(random), noise(random), 0));
+      if (what < 5) cloud.drop(i);
+      if (what > 7) cloud.z[i] += 0.02f;  // on another wall
+    }
+    const auto options = withTolerance((1.1 + 0.1 * round) * SPACING);
+    const auto clusters = extractClusters(cloud, options);
+    EXPECT_EQ(extractClusters(clouds::unorganised(cloud), options), clusters) << "round " << round;
+    EXPECT_GT(clusters.size(), 1u);
+  }
+}
+
+TEST(Cluster, WithoutTheGridNearIsNearInEveryDirection) {
+  // Pairs in every direction, some a hair nearer than the tolerance, the others a hair farther.
+  constexpr double TOLERANCE = 0.01;
+  for (const auto& direction : clouds::randomPoints(500, 1, 9)) {
+    const Eigen::Vector3f end = direction.normalized() * static_cast<float>(TOLERANCE);
+    for (const auto& start : {Eigen::Vector3f(0, 0, 0), Eigen::Vector3f(0.123f, -0.07f, 0.2f)}) {
+      const Cloud near = clouds::cloudOf({start, start + 0.999f * end});
+      const Cloud far = clouds::cloudOf({start, start + 1.001f * end});
+      ASSERT_EQ(extractClusters(near, withTolerance(TOLERANCE)).size(), 1u) << end.transpose();
+      ASSERT_EQ(extractClusters(far, withTolerance(TOLERANCE)).size(), 2u) << end.transpose();
+    }
+  }
+}
+
 TEST(Cluster, UnorganisedIsSingleLinkage) {
   for (unsigned seed = 1; seed <= 20; ++seed) {
     Cloud cloud = clouds::cloudOf(clouds::randomPoints(150, 0.1f, seed));

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
+#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -11,6 +13,7 @@
 #include "views.h"
 
 using namespace tabletop_perception;
+using clouds::refusalOf;
 
 namespace {
 
@@ -58,6 +61,19 @@ auto ball(const Eigen::Vector3d& center, double radius) {
     return square > 0 ? along - std::sqrt(square) : 0;
   };
 }
+
+/// The methods by integral images.
+constexpr const char* INTEGRAL[] = {"average_depth_change", "average_3d_gradient", "covariance"};
+
+NormalsOptions byMethod(const char* method, double smoothing = 7) {
+  NormalsOptions options;
+  options.method = method;
+  options.smoothing = smoothing;
+  return options;
+}
+
+/// Pixels on the outermost ring of the image of 80 x 60.
+bool atBorder(std::size_t i) { return i % 80 == 0 || i % 80 == 79 || i / 80 == 0 || i / 80 == 59; }
 
 NormalsOptions atEveryPixel() {
   NormalsOptions options;
@@ -210,6 +226,122 @@ TEST(Normals, WithoutTheGridAreThoseOfTheBruteForceVersion) {
     if (values[1] < 1.2 * values[0]) continue;  // no direction stands out
     EXPECT_GT(std::abs(normalAt(normals, i).dot(solver.eigenvectors().col(0))), 0.9999);
   }
+}
+
+TEST(IntegralNormals, OfAPlaneAreExactUpToTheBorderOfTheImage) {
+  for (const char* method : INTEGRAL) {
+    // Mean ranges of a plane that slants are not quite the range of the mean.
+    const double tolerance = method == std::string("average_depth_change") ? 2 : 0.1;
+    for (const Eigen::Vector3d& normal :
+         {Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0.3, -0.8, -0.6),
+          Eigen::Vector3d(-0.9, 0.1, -0.5)}) {
+      const Cloud cloud = seenBy(plane(normal.normalized(), -0.5));
+      const Normals normals = computeNormals(cloud, SENSOR, byMethod(method));
+      for (std::size_t i = 0; i < cloud.size(); ++i) {
+        ASSERT_EQ(isNone(normals, i), atBorder(i)) << method << ", pixel " << i;
+        if (atBorder(i)) continue;
+        ASSERT_LT(angleBetween(normalAt(normals, i), normal), tolerance) << method << " " << i;
+        ASSERT_NEAR(normalAt(normals, i).norm(), 1, 1e-5);
+      }
+    }
+  }
+}
+
+TEST(IntegralNormals, OfABallPointAwayFromItsMiddle) {
+  const Eigen::Vector3d center(0.02, -0.01, 0.8);
+  const Cloud cloud = seenBy(ball(center, 0.07));
+  for (const char* method : INTEGRAL) {
+    const Normals normals = computeNormals(cloud, SENSOR, byMethod(method));
+    int looked_at = 0;
+    for (const int i : validIndices(cloud)) {
+      const Eigen::Vector3d out = (cloud.point(i).cast<double>() - center).normalized();
+      if (out.dot(-cloud.point(i).cast<double>().normalized()) < 0.75) continue;  // at the rim
+      ASSERT_LT(angleBetween(normalAt(normals, i), out), 3) << method << ", pixel " << i;
+      ++looked_at;
+    }
+    EXPECT_GT(looked_at, 500);
+  }
+}
+
+TEST(IntegralNormals, SquaresEndAtAJumpInRange) {
+  // A slanting board on the left before a slanting wall, 0.15 m behind it.
+  const Eigen::Vector3d board = Eigen::Vector3d(0.4, 0, -1).normalized(),
+                        wall = Eigen::Vector3d(0, 0.5, -1).normalized();
+  const Cloud cloud = seenBy([&](const Eigen::Vector3d& ray) {
+    return ray.x() < 0 ? plane(board, -0.6)(ray) : plane(wall, -0.8)(ray);
+  });
+  for (const char* method : INTEGRAL) {
+    const Normals normals = computeNormals(cloud, SENSOR, byMethod(method, 20));
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+      const bool at_jump = i % 80 >= 38 && i % 80 <= 41;  // and beside it
+      ASSERT_EQ(isNone(normals, i), at_jump || atBorder(i)) << method << ", pixel " << i;
+      if (at_jump || atBorder(i)) continue;
+      ASSERT_LT(angleBetween(normalAt(normals, i), i % 80 < 40 ? board : wall), 1)
+          << method << ", column " << i % 80;
+    }
+  }
+}
+
+TEST(IntegralNormals, SquaresLeaveOutPixelsWithoutAPoint) {
+  const Eigen::Vector3d facing(0, 0, -1);
+  Cloud cloud = seenBy(plane(facing, -0.5));
+  for (int v = 20; v < 24; ++v)
+    for (int u = 30; u < 36; ++u) cloud.drop(static_cast<std::size_t>(v) * 80 + u);
+  for (const char* method : INTEGRAL) {
+    const Normals normals = computeNormals(cloud, SENSOR, byMethod(method, 20));
+    for (int v = 0; v < 60; ++v)
+      for (int u = 0; u < 80; ++u) {
+        const std::size_t i = static_cast<std::size_t>(v) * 80 + u;
+        const bool at_hole = u >= 29 && u < 37 && v >= 19 && v < 25;  // in it and beside it
+        ASSERT_EQ(isNone(normals, i), at_hole || atBorder(i)) << method << ", " << u << ", " << v;
+        if (isNone(normals, i)) continue;
+        ASSERT_LT(angleBetween(normalAt(normals, i), facing), 0.2);
+      }
+  }
+}
+
+TEST(IntegralNormals, SquaresGrowWithTheRange) {
+  // Noise averages out over larger squares: at twice the range, as at twice the smoothing.
+  const auto meanError = [](double range, const char* method, double smoothing) {
+    std::mt19937 random(3);
+    std::normal_distribution<double> noise(0, 0.001 * range);
+    const Cloud cloud =
+        seenBy([&](const Eigen::Vector3d& ray) { return range / ray.z() + noise(random); });
+    const Normals normals = computeNormals(cloud, SENSOR, byMethod(method, smoothing));
+    double sum = 0;
+    int count = 0;
+    for (int v = 15; v < 45; ++v)
+      for (int u = 15; u < 65; ++u, ++count)
+        sum += angleBetween(normalAt(normals, static_cast<std::size_t>(v) * 80 + u), {0, 0, -1});
+    return sum / count;
+  };
+  for (const char* method : INTEGRAL) {
+    const double near = meanError(1, method, 5), far = meanError(2, method, 5);
+    EXPECT_LT(far, 0.5 * near) << method;
+    EXPECT_NEAR(far, meanError(1, method, 10), 0.1 * far) << method;
+  }
+}
+
+TEST(IntegralNormals, OnlyCovariancesTellTheCurvature) {
+  const Cloud cloud = seenBy(plane({0, 0, -1}, -0.5));
+  const std::size_t middle = 30 * 80 + 40;
+  EXPECT_LT(computeNormals(cloud, SENSOR, byMethod("covariance")).curvature[middle], 1e-4);
+  for (const char* method : {"average_depth_change", "average_3d_gradient"})
+    EXPECT_TRUE(std::isnan(computeNormals(cloud, SENSOR, byMethod(method)).curvature[middle]));
+}
+
+TEST(IntegralNormals, OfNothingAreNone) {
+  for (const char* method : INTEGRAL)
+    for (const Cloud& cloud : {Cloud(5, 4, false), Cloud(1, 6, false)}) {
+      const Normals normals = computeNormals(cloud, SENSOR, byMethod(method));
+      for (std::size_t i = 0; i < cloud.size(); ++i) EXPECT_TRUE(isNone(normals, i));
+    }
+}
+
+TEST(Normals, AnUnknownMethodIsRefused) {
+  EXPECT_EQ(refusalOf([] { computeNormals(Cloud(), SENSOR, byMethod("magic")); }),
+            "normals.method must be one of window, average_depth_change, average_3d_gradient, "
+            "covariance, got 'magic'");
 }
 
 TEST(Normals, OfNothingAreNone) {

@@ -113,6 +113,19 @@ TEST(PackedCloud, SkipsPaddingInPointsAndRowsInAnyFieldOrder) {
   expectPoints(unpackCloud(packed.view()), 4, 3);
 }
 
+TEST(PackedCloud, ReadsRowsOfAnyLengthWhetherCoordinatesLieSideBySideOrNot) {
+  for (const std::uint32_t width : {1, 3, 63, 64, 65, 131})
+    for (const std::uint32_t y_offset : {4, 12}) {
+      SCOPED_TRACE(width);
+      Packed packed(width, 2, 17, 5);  // unaligned on purpose
+      packed.addField("x", 0, FLOAT32);
+      packed.addField("y", y_offset, FLOAT32);
+      packed.addField("z", 8, FLOAT32);
+      putPoints<float>(packed);
+      expectPoints(unpackCloud(packed.view()), static_cast<int>(width), 2);
+    }
+}
+
 TEST(PackedCloud, NeedsNoPaddingAfterTheLastRow) {
   Packed packed(4, 3, 16, 8);
   packed.addField("x", 0, FLOAT32);

@@ -100,6 +100,36 @@ TEST(Planes, MergedTheyLieBetween) {
   EXPECT_LT(both.plane[2], -0.9) << "faces as they do";
 }
 
+TEST(Planes, TheLargestIsFoundWithAllItsPointsWhetherThereIsAGridOrNot) {
+  const auto scene = scene::threeObjects(coarse());
+  const Cloud listed = selectPoints(scene.cloud, validIndices(scene.cloud));
+  for (const Cloud& cloud : {scene.cloud, listed}) {
+    const auto plane = findLargestPlane(cloud, 0.01, std::nullopt, 1);
+    ASSERT_TRUE(plane);
+    EXPECT_LT(offBy(*plane, scene.plane), 0.1);
+    EXPECT_LT(plane->rms, 0.002);
+    std::size_t near = 0;
+    for (std::size_t i = 0; i < cloud.size(); ++i)
+      near += cloud.valid(i) && std::abs(plane->plane.head<3>().dot(cloud.point(i).cast<double>()) +
+                                         plane->plane[3]) <= 0.01;
+    EXPECT_NEAR(static_cast<double>(plane->points.size()), static_cast<double>(near), 2);
+  }
+}
+
+TEST(Planes, TheLargestMeetsItsConstraint) {
+  const auto scene = scene::threeObjects(coarse());
+  const Eigen::Vector3d across = scene.plane.head<3>().unitOrthogonal();
+  const auto plane = findLargestPlane(scene.cloud, 0.01, PlaneConstraint{across, 0.9}, 1);
+  ASSERT_TRUE(plane);
+  EXPECT_GT(std::abs(plane->plane.head<3>().dot(across)), 0.85);  // drawn within 0.9
+}
+
+TEST(Planes, TheLargestOfTooFewPointsIsNone) {
+  EXPECT_FALSE(findLargestPlane(Cloud(), 0.01, std::nullopt, 1));
+  EXPECT_FALSE(findLargestPlane(Cloud(40, 30, false), 0.01, std::nullopt, 1));
+  EXPECT_FALSE(findLargestPlane(clouds::cloudOf({{0, 0, 1}, {0.1f, 0, 1}}), 0.01, std::nullopt, 1));
+}
+
 TEST(Planes, OptionsOutOfRangeAreRefused) {
   PlaneOptions options;
   options.max_offset = 0;

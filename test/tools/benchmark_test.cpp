@@ -72,6 +72,22 @@ TEST(Benchmark, SaysWhyStagesAreMissing) {
   EXPECT_EQ(timing.reason, "the cloud has no valid point");
 }
 
+TEST(Benchmark, ComparesTheMethodsForNormals) {
+  const auto timing = benchmarkOf(scene::threeObjects().cloud);
+  ASSERT_EQ(timing.normals_methods.size(), 4u);
+  EXPECT_EQ(timing.normals_methods[0].method, "window");
+  EXPECT_FALSE(timing.normals_methods[0].pcl);
+  for (const auto& entry : timing.normals_methods) {
+    SCOPED_TRACE(entry.method);
+    EXPECT_GT(entry.ours.min_ms, 0);
+    EXPECT_GT(entry.our_quality.valid_share, 0.9);
+    EXPECT_LT(entry.our_quality.median_error_deg, 1);
+    EXPECT_LE(entry.our_quality.median_error_deg, entry.our_quality.p95_error_deg);
+    EXPECT_EQ(entry.pcl.has_value(), entry.method != "window");
+    EXPECT_EQ(entry.pcl_quality.has_value(), entry.pcl.has_value());
+  }
+}
+
 TEST(Benchmark, RatesNormalsOnTheTable) {
   const auto timing = benchmarkOf(scene::threeObjects().cloud);
   ASSERT_TRUE(timing.our_normals && timing.pcl_normals);

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "scene.h"
@@ -405,6 +406,47 @@ TEST_F(TabletopProgram, RecognizeSaysWhyAThingIsUnknown) {
   EXPECT_EQ(objects[0]["name"], "unknown");
   EXPECT_EQ(objects[0]["pose"], objects[0]["box"]["pose"]);
   EXPECT_TRUE(objects[0]["reason"].is_string());
+}
+
+TEST(Simulate, SameSeedGivesTheSameBytesAndScenesThatAreRead) {
+  const TempFolder folder;
+  const auto mesh = folder.write(
+      "wedge.obj",
+      "v 0 0 0\nv 0.12 0 0\nv 0 0.1 0\nv 0 0 0.14\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+  const auto make = [&](const std::string& output, int scenes) {
+    const auto ran =
+        runTabletop("simulate --mesh wedge=" + mesh + " --scenes " + std::to_string(scenes) +
+                    " --objects 2 --gap 0.06 --seed 3 --output " + folder.file(output));
+    EXPECT_EQ(ran.exit_code, 0) << ran.err;
+    EXPECT_TRUE(ran.out.empty());
+  };
+  make("a", 2);
+  make("b", 1);
+  for (const auto* name : {"depth.png", "color.png", "label.png", "gt.json"}) {
+    const auto bytes = textOf(folder.file("a/000000/") + name);
+    EXPECT_FALSE(bytes.empty()) << name;
+    EXPECT_EQ(bytes, textOf(folder.file("b/000000/") + name)) << name;
+    EXPECT_NE(bytes, textOf(folder.file("a/000001/") + name)) << name;
+  }
+  // label.png agrees with gt.json, and `segment` finds the table that gt.json states.
+  const auto truth = json::parse(textOf(folder.file("a/000000/gt.json")));
+  const auto labels = cv::imread(folder.file("a/000000/label.png"), cv::IMREAD_UNCHANGED);
+  for (const auto& object : truth["objects"])
+    EXPECT_EQ(cv::countNonZero(labels == object["label_value"].get<int>()),
+              object["visible_pixels"].get<int>());
+  const auto segmented = runTabletop("segment --json " + folder.file("a/000000"));
+  ASSERT_EQ(segmented.exit_code, 0) << segmented.err;
+  const auto table = linesOf(segmented.out).at(0)["table"];
+  ASSERT_FALSE(table.is_null());
+  EXPECT_GT(vectorOf(table["plane"]).dot(vectorOf(truth["up"])), 0.999);
+}
+
+TEST(Simulate, BadInputIsRefusedInOneLine) {
+  const TempFolder folder;
+  const auto rest = " --scenes 1 --objects 1 --gap 0 --seed 1 --output " + folder.file("out");
+  EXPECT_TRUE(refuses("simulate --models " + folder.file("none") + rest, "must be a folder"));
+  EXPECT_TRUE(refuses("simulate --mesh a=" + folder.file("none.ply") + rest, "no such file"));
+  EXPECT_TRUE(refuses("simulate --mesh a" + rest, "NAME=FILE"));
 }
 
 }  // namespace

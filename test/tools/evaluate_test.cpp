@@ -227,6 +227,46 @@ TEST_F(EvaluatePoses, tellsHowHighTheTrueObjectsStandAboveTheTableThatWasFound) 
   EXPECT_MENTIONS(linesOf(evaluate(words())).at("s1"), "no table");
 }
 
+TEST_F(EvaluatePoses, aNameForAnUnknownThingIsAFalseAccept) {
+  // Two wedges, one of which was not taught under its name, a "stone".
+  auto truth = json::parse(truthOf({"[0, 0, 1]", "[0.3, 0, 1]"}));
+  truth["objects"][1]["name"] = "stone";
+  folder.write("truth/s1/gt.json", truth.dump());
+  std::filesystem::create_directories(folder.file("models/stone"));
+  std::filesystem::copy_file(folder.file("models/wedge/mesh.ply"),
+                             folder.file("models/stone/mesh.ply"));
+  const auto all = [&] {
+    return json::parse(evaluate(words() + " --unknown stone --json"))["all"];
+  };
+  writeResult(json::array({result("wedge", 0)}));
+  EXPECT_EQ(all()["objects"], 1);
+  EXPECT_EQ(all()["unknown"], 1);
+  EXPECT_EQ(all()["false_accepts"], 0);
+  writeResult({result("wedge", 0), result("wedge", 0.31)});
+  EXPECT_EQ(all()["false_accepts"], 1);
+  EXPECT_EQ(all()["precision"], 0.5);
+  writeResult({result("wedge", 0), result("wedge", 0.02)});  // a second name, for the known thing
+  EXPECT_EQ(all()["false_accepts"], 0);
+  EXPECT_MENTIONS(complaint(words() + " --unknown sand"), "no object of that name");
+}
+
+TEST_F(EvaluatePoses, countsTheRightOnesByVisibilityAndTheTimes) {
+  auto truth = json::parse(truthOf({"[0, 0, 1]", "[0.3, 0, 1]"}));
+  truth["objects"][0]["visible_share"] = 1.0;
+  truth["objects"][1]["visible_share"] = 0.35;
+  folder.write("truth/s1/gt.json", truth.dump());
+  folder.write("results/s1.json",
+               json{{"objects", {result("wedge", 0)}}, {"times_ms", {{"total", 12.5}}}}.dump());
+  const auto all = json::parse(evaluate(words() + " --json"))["all"];
+  ASSERT_EQ(all["visibility"].size(), 5u);
+  EXPECT_EQ(all["visibility"][1]["objects"], 1);
+  EXPECT_EQ(all["visibility"][1]["right"], 0);
+  EXPECT_EQ(all["visibility"][4]["objects"], 1);
+  EXPECT_EQ(all["visibility"][4]["right"], 1);
+  EXPECT_EQ(all["time_ms"], 12.5);
+  EXPECT_EQ(all["bop_recall"], nullptr);  // without a depth image
+}
+
 TEST_F(EvaluatePoses, complainsAboutBadResults) {
   EXPECT_MENTIONS(complaint(words()), "no result for any of the 1 scenes");
   folder.write("results/s1.json", "{\"objects\": [");
