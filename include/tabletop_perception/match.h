@@ -23,7 +23,7 @@ struct MatchOptions {
   int rolls = 24;                     ///< turns about the viewing axis that are tried per view
   bool stands = true;  ///< every model is also tried in every way that it stands on the table
   bool parts = true;   ///< the smooth parts of a cluster that resembles nothing are matched too
-  int max_candidates = 10;            ///< best initial poses kept per cluster, and per part of it
+  int max_candidates = 10;  ///< best initial poses kept per cluster, and per part of it
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {

@@ -43,8 +43,7 @@ struct Verification {
 /// show the object, by smooth parts, in the camera's frame. Parts that the model hardly touches
 /// belong to something else and do not count. `model`: index into those of `index`.
 Verification verifyPose(const ModelIndex& index, int model,
-                        const Eigen::Isometry3d& T_camera_object,
-                        const std::vector<Surface>& parts, const Observation& observation,
-                        const VerifyOptions& options);
+                        const Eigen::Isometry3d& T_camera_object, const std::vector<Surface>& parts,
+                        const Observation& observation, const VerifyOptions& options);
 
 }  // namespace tabletop_perception

@@ -8,8 +8,8 @@ namespace tabletop_perception {
 namespace {
 
 constexpr float MIN_NORMAL_DOT = 0.5f;  // of model and scene, either side of a thin wall
-constexpr double MIN_FACING = 0.3;      // cosine to the line of sight; flatter surfaces count as this
-constexpr double DEPTH_SLACK = 1.5;     // of what is seen at an angle, in tolerances
+constexpr double MIN_FACING = 0.3;   // cosine to the line of sight; flatter surfaces count as this
+constexpr double DEPTH_SLACK = 1.5;  // of what is seen at an angle, in tolerances
 
 /// Holds points against a model at a pose: squared distance of each, or none.
 class Explainer {

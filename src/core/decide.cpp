@@ -6,13 +6,13 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr double REACH = 0.03;         // of points about a candidate that ICP sees [m]
-constexpr int MAX_SOURCE_POINTS = 600;  // that ICP looks at
+constexpr double REACH = 0.03;             // of points about a candidate that ICP sees [m]
+constexpr int MAX_SOURCE_POINTS = 600;     // that ICP looks at
 constexpr double MIN_PROMISE_RATIO = 0.6;  // of a candidate to the best one of its proposal
-constexpr double MIN_OWN_SHARE = 0.7;  // of an object's points that no other object explains
+constexpr double MIN_OWN_SHARE = 0.7;      // of an object's points that no other object explains
 constexpr double RIVAL_OVERLAP = 0.5;  // share of an object's points that a rival explains as well
 constexpr double MIN_SHARE_OF_CLUSTER = 0.3;  // that an object explains if the cluster shows it
-constexpr double TAKEN_SHARE = 0.5;     // of a cluster that objects explain: it is no unknown thing
+constexpr double TAKEN_SHARE = 0.5;  // of a cluster that objects explain: it is no unknown thing
 constexpr double MIN_LEFT_SHARE = 0.15;  // of a cluster that is worth another look
 
 /// The sampled points of all clusters.
@@ -179,29 +179,27 @@ class Decision {
         continue;
       }
       if (candidate.promise < MIN_PROMISE_RATIO * candidates.front().promise) continue;
-      const auto alignment =
-          refinePose(sourceFor(model, candidate.T_camera_object, parts),
-                     index_.models()[model].surface, index_.grid(model), candidate.T_camera_object,
-                     refine_);
+      const auto alignment = refinePose(sourceFor(model, candidate.T_camera_object, parts),
+                                        index_.models()[model].surface, index_.grid(model),
+                                        candidate.T_camera_object, refine_);
       if (!alignment) {
         if (reason.empty()) reason = alignment.reason;
         continue;
       }
-      Hypothesis hypothesis{model, alignment->T_camera_object,
-                            verifyPose(index_, model, alignment->T_camera_object, parts,
-                                       observation_, verify_),
-                            {},
-                            0};
+      Hypothesis hypothesis{
+          model,
+          alignment->T_camera_object,
+          verifyPose(index_, model, alignment->T_camera_object, parts, observation_, verify_),
+          {},
+          0};
       if (hypothesis.verification.score > best_score) {
         best_score = hypothesis.verification.score;
-        reason = hypothesis.stands()
-                     ? ""
-                     : candidate.name + ": " + hypothesis.verification.reason;
+        reason = hypothesis.stands() ? "" : candidate.name + ": " + hypothesis.verification.reason;
       }
       if (!hypothesis.stands()) continue;
       for (const auto& part : standing_.parts)
-        hypothesis.explained.push_back(explainedPoints(
-            index_, model, hypothesis.T_camera_object, part, verify_.tolerance));
+        hypothesis.explained.push_back(
+            explainedPoints(index_, model, hypothesis.T_camera_object, part, verify_.tolerance));
       hypothesis.points = countOf(hypothesis.explained);
       hypotheses_.push_back(std::move(hypothesis));
     }

@@ -266,16 +266,16 @@ std::vector<Candidate> mostPromising(std::vector<Guess> guesses, const Surface& 
     const auto alignment = refinePose(source, index.models()[guess.model].surface,
                                       index.grid(guess.model), guess.T_camera_object, coarse);
     if (alignment) guess.T_camera_object = alignment->T_camera_object;
-    guess.promise = agreementOf(index, guess.model, guess.T_camera_object, probes, observation, FINE)
-                        .score(FINE);
+    guess.promise =
+        agreementOf(index, guess.model, guess.T_camera_object, probes, observation, FINE)
+            .score(FINE);
   }
   std::vector<Candidate> candidates;
   for (const auto& guess : best(std::move(guesses), MAX_ALIGNED, MAX_ALIGNED, index)) {
     Candidate candidate{index.models()[guess.model].name, guess.distance, guess.promise,
                         guess.T_camera_object};
-    const bool known = std::any_of(candidates.begin(), candidates.end(), [&](const auto& other) {
-      return samePose(other, candidate);
-    });
+    const bool known = std::any_of(candidates.begin(), candidates.end(),
+                                   [&](const auto& other) { return samePose(other, candidate); });
     if (!known) candidates.push_back(std::move(candidate));
     if (static_cast<int>(candidates.size()) == options.max_candidates) break;
   }
@@ -307,7 +307,8 @@ Found<std::vector<Candidate>> matchCluster(const Surface& cluster, const Observa
                          index.sparse(static_cast<int>(m)), to);
   };
   addStanding(cluster, false, guesses);
-  auto candidates = mostPromising(std::move(guesses), cluster, cluster, observation, index, options);
+  auto candidates =
+      mostPromising(std::move(guesses), cluster, cluster, observation, index, options);
 
   const bool promising = !candidates.empty() && candidates.front().promise >= LOW_PROMISE;
   if (options.parts && !promising)
@@ -319,9 +320,8 @@ Found<std::vector<Candidate>> matchCluster(const Surface& cluster, const Observa
         candidates.push_back(std::move(candidate));
     }
   if (!candidates.empty()) {
-    std::stable_sort(
-        candidates.begin(), candidates.end(),
-        [](const Candidate& a, const Candidate& b) { return a.promise > b.promise; });
+    std::stable_sort(candidates.begin(), candidates.end(),
+                     [](const Candidate& a, const Candidate& b) { return a.promise > b.promise; });
     return candidates;
   }
   if (!any_near)

@@ -12,12 +12,12 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr double MIN_LEAF = 0.006;      // spacing of the points of a small model [m]
-constexpr double LEAF_RATIO = 0.05;     // and of a large one, share of its diameter
-constexpr float MIN_FACING = 0.2f;      // cosine to the line of sight; flatter points say nothing
-constexpr double RASTER_CELL = 0.006;   // in which a model hides its own back [m]
-constexpr float HIDING_GAP = 0.009f;    // how much nearer the hiding part lies [m]
-constexpr int MAX_RASTER = 512;         // cells along one side of it
+constexpr double MIN_LEAF = 0.006;        // spacing of the points of a small model [m]
+constexpr double LEAF_RATIO = 0.05;       // and of a large one, share of its diameter
+constexpr float MIN_FACING = 0.2f;        // cosine to the line of sight; flatter points say nothing
+constexpr double RASTER_CELL = 0.006;     // in which a model hides its own back [m]
+constexpr float HIDING_GAP = 0.009f;      // how much nearer the hiding part lies [m]
+constexpr int MAX_RASTER = 512;           // cells along one side of it
 constexpr double MIN_PROBABILITY = 0.01;  // of a stand that is worth a look
 constexpr int MAX_STANDS = 12;
 constexpr double SAME_STAND = 0.17;  // stands that tilt less from each other are one [rad]
@@ -28,8 +28,8 @@ constexpr double SAME_YAW = 0.13;    // turns nearer than this are one, up to th
 class DepthRaster {
  public:
   DepthRaster(const Surface& surface, const Eigen::Vector3f& direction)
-      : to_raster_(rotationBetween(direction.cast<double>(), Eigen::Vector3d::UnitZ())
-                       .cast<float>()) {
+      : to_raster_(
+            rotationBetween(direction.cast<double>(), Eigen::Vector3d::UnitZ()).cast<float>()) {
     Eigen::Vector3f high = to_raster_ * surface.points.front();
     low_ = high;
     for (const auto& p : surface.points) {
@@ -39,8 +39,7 @@ class DepthRaster {
     const float wide = (high - low_).head<2>().maxCoeff();
     cell_ = std::max(static_cast<float>(RASTER_CELL), wide / MAX_RASTER);
     side_ = static_cast<int>(wide / cell_) + 1;
-    nearest_.assign(static_cast<std::size_t>(side_) * side_,
-                    -std::numeric_limits<float>::max());
+    nearest_.assign(static_cast<std::size_t>(side_) * side_, -std::numeric_limits<float>::max());
     for (const auto& p : surface.points) {
       const Eigen::Vector3f q = to_raster_ * p;
       nearest_[cellOf(q)] = std::max(nearest_[cellOf(q)], q.z());

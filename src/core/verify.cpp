@@ -42,10 +42,11 @@ std::string refusal(const Verification& verification, const VerifyOptions& optio
     std::snprintf(text, sizeof text, "%.2f of the model's surface was seen, limit %.2f", v.visible,
                   options.min_visible);
   else if (verification.sink > options.max_sink)
-    std::snprintf(text, sizeof text, "the model reaches %.3f m into the table, limit %.3f", verification.sink,
-                  options.max_sink);
+    std::snprintf(text, sizeof text, "the model reaches %.3f m into the table, limit %.3f",
+                  verification.sink, options.max_sink);
   else if (verification.score < options.min_score)
-    std::snprintf(text, sizeof text, "score %.2f, limit %.2f", verification.score, options.min_score);
+    std::snprintf(text, sizeof text, "score %.2f, limit %.2f", verification.score,
+                  options.min_score);
   else
     return "";
   return text;
@@ -54,9 +55,8 @@ std::string refusal(const Verification& verification, const VerifyOptions& optio
 }  // namespace
 
 Verification verifyPose(const ModelIndex& index, int model,
-                        const Eigen::Isometry3d& T_camera_object,
-                        const std::vector<Surface>& parts, const Observation& observation,
-                        const VerifyOptions& options) {
+                        const Eigen::Isometry3d& T_camera_object, const std::vector<Surface>& parts,
+                        const Observation& observation, const VerifyOptions& options) {
   checkOptions("verify", options);
   const Surface touched = touchedParts(index, model, T_camera_object, parts, options.tolerance);
   Verification verification;

@@ -1,6 +1,9 @@
 #include <optional>
 #include <string>
 
+#include <message_filters/subscriber.h>
+#include <message_filters/sync_policies/exact_time.h>
+#include <message_filters/synchronizer.h>
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
@@ -13,7 +16,8 @@
 
 namespace tabletop_perception {
 
-/// `~input` PointCloud2 with labels -> `~candidates` CandidateArray, what each cluster may be, and
+/// `~input` PointCloud2 with labels, `~table` Table and `~cloud`, the filtered PointCloud2 of the
+/// whole scene -> `~candidates` CandidateArray, what each cluster may be, and
 /// `~clusters`, the cloud that they speak of.
 ///
 /// Parameter: `database`, the file with the objects; it is read again whenever it changes.
@@ -21,20 +25,29 @@ class MatchNodelet : public StageNodelet {
   void start() override {
     models_.emplace(parameter("database", std::string("~/.ros/tabletop.db")));
     serveOptions<MatchConfig>(getPrivateNodeHandle(), options_);
+    sync_.registerCallback(&MatchNodelet::onClusters, this);
     candidates_pub_ = advertise<CandidateArray>("candidates");
     clusters_pub_ = advertise<sensor_msgs::PointCloud2>("clusters");
   }
 
   void subscribe() override {
-    input_sub_ =
-        getPrivateNodeHandle().subscribe("input", INNER_QUEUE, &MatchNodelet::onClusters, this);
+    auto& nh = getPrivateNodeHandle();
+    cloud_sub_.subscribe(nh, "cloud", SYNC_QUEUE);
+    table_sub_.subscribe(nh, "table", SYNC_QUEUE);
+    input_sub_.subscribe(nh, "input", SYNC_QUEUE);
   }
 
-  void unsubscribe() override { input_sub_.shutdown(); }
+  void unsubscribe() override {
+    cloud_sub_.unsubscribe();
+    table_sub_.unsubscribe();
+    input_sub_.unsubscribe();
+  }
 
-  void onClusters(const sensor_msgs::PointCloud2ConstPtr& message) {
+  void onClusters(const sensor_msgs::PointCloud2ConstPtr& message,
+                  const TableMessageConstPtr& table,
+                  const sensor_msgs::PointCloud2ConstPtr& scene_message) {
     attempt([&] {
-      const Cloud cloud = cloudFromMessage(*message);
+      const Cloud scene = cloudFromMessage(*scene_message);
       const auto clusters = clustersOf(labelsFromMessage(*message));
       const ModelIndex& index = models_->update();
 
@@ -42,7 +55,8 @@ class MatchNodelet : public StageNodelet {
       candidates->header = message->header;
       candidates->reason = models_->reason();
       if (!candidates->reason.empty()) warn(candidates->reason);
-      for (const auto& proposal : proposeObjects(cloud, clusters, index, options_))
+      for (const auto& proposal :
+           proposeObjects(scene, clusters, tableFromMessage(*table), index, options_))
         candidates->clusters.push_back(messageFromProposal(proposal));
       candidates_pub_.publish(candidates);
       clusters_pub_.publish(message);
@@ -52,7 +66,13 @@ class MatchNodelet : public StageNodelet {
   MatchOptions options_;
   std::optional<ModelSource> models_;
   ros::Publisher candidates_pub_, clusters_pub_;
-  ros::Subscriber input_sub_;
+  using Policy = message_filters::sync_policies::ExactTime<sensor_msgs::PointCloud2, TableMessage,
+                                                           sensor_msgs::PointCloud2>;
+  message_filters::Subscriber<sensor_msgs::PointCloud2> input_sub_;
+  message_filters::Subscriber<TableMessage> table_sub_;
+  message_filters::Subscriber<sensor_msgs::PointCloud2> cloud_sub_;
+  message_filters::Synchronizer<Policy> sync_{Policy(SYNC_QUEUE), input_sub_, table_sub_,
+                                              cloud_sub_};
 };
 
 }  // namespace tabletop_perception

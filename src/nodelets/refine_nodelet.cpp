@@ -162,7 +162,7 @@ class RefineNodelet : public StageNodelet {
     for (const auto& entry : candidates.clusters)
       proposals.push_back(proposalFromMessage(entry, clusters.size()));
     return decideObjects(scene, clusters, proposals, tableFromMessage(table_message), index,
-                         options_);
+                         options_.match, options_.refine, options_.verify);
   }
 
   static std::vector<Sighting> sightingsOf(const std::vector<SceneObject>& objects) {

@@ -65,6 +65,14 @@ Surface houseFromTheSide() {
   return views::seen(mesh, views::lookAt(mesh, {1, 0.7, 0.8}, 0.9));
 }
 
+/// Candidates of a cluster that floats alone before the camera.
+Found<std::vector<Candidate>> matched(const Surface& cluster, const ModelIndex& index,
+                                      const MatchOptions& options) {
+  Cloud scene(static_cast<int>(cluster.size()), 1, false);
+  for (std::size_t i = 0; i < cluster.size(); ++i) scene.setPoint(i, cluster.points[i]);
+  return matchCluster(cluster, observe(scene, std::nullopt), index, options);
+}
+
 std::string reasonOf(const Found<std::vector<Candidate>>& found) {
   EXPECT_FALSE(found);
   return found.reason;
@@ -167,8 +175,7 @@ TEST(Match, ARenderedViewFindsItsOwnObject) {
       Eigen::Isometry3d truth =
           Eigen::Translation3d(0.1, -0.05, 0) * views::lookAt(mesh, direction, 0.9);
       truth = Eigen::AngleAxisd(0.7, Eigen::Vector3d::UnitZ()) * truth;  // the camera rolled
-      const auto candidates =
-          matchCluster(views::seen(mesh, truth), trainedIndex(), MatchOptions());
+      const auto candidates = matched(views::seen(mesh, truth), trainedIndex(), MatchOptions());
       ASSERT_TRUE(candidates) << candidates.reason;
       EXPECT_EQ(candidates->front().name, name) << direction.transpose();
       const auto right = std::any_of(candidates->begin(), candidates->end(), [&](const auto& c) {
@@ -183,19 +190,19 @@ TEST(Match, ARenderedViewFindsItsOwnObject) {
 TEST(Match, CandidatesComeBestFirstAndDiffer) {
   MatchOptions options;
   options.max_candidates = 5;
-  const auto candidates = matchCluster(houseFromTheSide(), trainedIndex(), options);
+  const auto candidates = matched(houseFromTheSide(), trainedIndex(), options);
   ASSERT_TRUE(candidates);
   ASSERT_GE(candidates->size(), 2u);
   EXPECT_LE(candidates->size(), 5u);
   for (std::size_t i = 1; i < candidates->size(); ++i)
-    EXPECT_LE((*candidates)[i - 1].misfit, (*candidates)[i].misfit);
+    EXPECT_GE((*candidates)[i - 1].promise, (*candidates)[i].promise);
   for (std::size_t i = 0; i < candidates->size(); ++i)
     for (std::size_t j = 0; j < i; ++j) {
       const auto &a = (*candidates)[i], &b = (*candidates)[j];
       EXPECT_FALSE(a.name == b.name && a.T_camera_object.isApprox(b.T_camera_object, 1e-3));
     }
   options.max_candidates = 1;
-  const auto best = matchCluster(houseFromTheSide(), trainedIndex(), options);
+  const auto best = matched(houseFromTheSide(), trainedIndex(), options);
   ASSERT_EQ(best->size(), 1u);
   EXPECT_EQ(best->front().T_camera_object.matrix(), candidates->front().T_camera_object.matrix());
 }
@@ -203,24 +210,23 @@ TEST(Match, CandidatesComeBestFirstAndDiffer) {
 TEST(Match, NoCandidateHasItsReason) {
   MatchOptions options;
   const Surface house = houseFromTheSide();
-  EXPECT_EQ(reasonOf(matchCluster(house, ModelIndex(), options)), "the database holds no object");
+  EXPECT_EQ(reasonOf(matched(house, ModelIndex(), options)), "the database holds no object");
 
   Surface tiny = house;
   tiny.points.resize(12);
   tiny.normals.resize(12);
-  EXPECT_EQ(reasonOf(matchCluster(tiny, trainedIndex(), options)),
+  EXPECT_EQ(reasonOf(matched(tiny, trainedIndex(), options)),
             "the cluster has 12 sampled points, limit 40");
-  EXPECT_EQ(reasonOf(matchCluster({}, trainedIndex(), options)),
+  EXPECT_EQ(reasonOf(matched({}, trainedIndex(), options)),
             "the cluster has 0 sampled points, limit 40");
 
   options.max_distance = 1;
-  EXPECT_NE(
-      reasonOf(matchCluster(house, trainedIndex(), options)).find("no view is nearer than 1 "),
-      std::string::npos);
+  EXPECT_NE(reasonOf(matched(house, trainedIndex(), options)).find("no view is nearer than 1 "),
+            std::string::npos);
 
   options = MatchOptions();
   options.max_size_ratio = 0.5;
-  const auto large = reasonOf(matchCluster(house, trainedIndex(), options));
+  const auto large = reasonOf(matched(house, trainedIndex(), options));
   EXPECT_NE(large.find("m across, more than 0.5 times any object"), std::string::npos) << large;
 }
 
@@ -231,14 +237,14 @@ TEST(Match, OnlyTheWantedKindsAreCompared) {
   const ModelIndex index(models);
   MatchOptions options;
   options.kinds = "vfh";
-  EXPECT_TRUE(matchCluster(houseFromTheSide(), index, options));
+  EXPECT_TRUE(matched(houseFromTheSide(), index, options));
   options.kinds = "cvfh";
-  EXPECT_FALSE(matchCluster(houseFromTheSide(), index, options));
+  EXPECT_FALSE(matched(houseFromTheSide(), index, options));
 }
 
 TEST(Match, OptionsOutOfRangeAreRefused) {
   MatchOptions options;
   options.kinds = "esf";
-  EXPECT_EQ(clouds::refusalOf([&] { matchCluster({}, ModelIndex(), options); }),
+  EXPECT_EQ(clouds::refusalOf([&] { matched({}, ModelIndex(), options); }),
             "match.kinds must be one of vfh, cvfh, both, got 'esf'");
 }

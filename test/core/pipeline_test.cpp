@@ -242,10 +242,11 @@ TEST(Pipeline, TheStagesOneByOneSayTheSame) {
   const PipelineOptions options = unsplit();
   const Recognition whole = recognized(scene.cloud, scene.up);
   const Segmentation& segmentation = whole.segmentation;
-  const auto proposals =
-      proposeObjects(segmentation.filtered, segmentation.clusters, threeModels(), options.match);
-  const auto objects = decideObjects(segmentation.filtered, segmentation.clusters, proposals,
-                                     segmentation.table, threeModels(), options);
+  const auto proposals = proposeObjects(segmentation.filtered, segmentation.clusters,
+                                        segmentation.table, threeModels(), options.match);
+  const auto objects =
+      decideObjects(segmentation.filtered, segmentation.clusters, proposals, segmentation.table,
+                    threeModels(), options.match, options.refine, options.verify);
   ASSERT_EQ(objects.size(), whole.objects.size());
   for (std::size_t k = 0; k < objects.size(); ++k) {
     EXPECT_EQ(objects[k].name, whole.objects[k].name);
@@ -258,9 +259,9 @@ TEST(Pipeline, CandidatesThatLeftTheDatabaseMeanwhileAreNotAnswered) {
   const Segmentation segmentation = segmentScene(scene.cloud, scene.up, PipelineOptions());
   ASSERT_FALSE(segmentation.clusters.empty());
   const std::vector<Candidate> gone{{"teapot", 0, 0, Eigen::Isometry3d::Identity()}};
-  const auto objects =
-      decideObjects(segmentation.filtered, {segmentation.clusters[0]}, {{{2}, gone}},
-                    segmentation.table, threeModels(), PipelineOptions());
+  const auto objects = decideObjects(segmentation.filtered, {segmentation.clusters[0]},
+                                     {{{2}, gone}}, segmentation.table, threeModels(),
+                                     MatchOptions(), RefineOptions(), VerifyOptions());
   ASSERT_EQ(objects.size(), 1u);
   EXPECT_EQ(objects[0].name, "unknown");
   EXPECT_NE(objects[0].reason, "");

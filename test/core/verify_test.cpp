@@ -20,8 +20,7 @@ struct Fixture {
       : cloud(scene.cloud),
         projection(scene::SceneOptions().projection),
         truth(scene.objects[target].T_camera_object) {
-    model = views::modelOf("model", model_mesh, {});
-    grid = NearestGrid(model.surface, 0.004, 0.04);
+    index = ModelIndex({views::modelOf("model", model_mesh, {})});
     Indices own;
     for (std::size_t i = 0; i < cloud.size(); ++i)
       if (scene.truth[i] == target + 2) own.push_back(static_cast<int>(i));
@@ -30,14 +29,21 @@ struct Fixture {
   }
 
   Verification verify(const Eigen::Isometry3d& T) const {
-    return verifyPose(model, grid, T, cluster, cloud, projection, table, VerifyOptions());
+    return verify(T, &table, VerifyOptions());
+  }
+
+  Verification verify(const Eigen::Isometry3d& T, const Table* on,
+                      const VerifyOptions& options) const {
+    Observation observation{cloud, on, projection, nullptr};
+    if (!projection)
+      observation.points = std::make_shared<KdTree>(pointsAt(cloud, validIndices(cloud)));
+    return verifyPose(index, 0, T, {cluster}, observation, options);
   }
 
   Cloud cloud;
   std::optional<Projection> projection;
   Eigen::Isometry3d truth;
-  ObjectModel model;
-  NearestGrid grid;
+  ModelIndex index;
   Surface cluster;
   Table table;
 };
@@ -53,8 +59,9 @@ const Fixture& house() {
 }
 
 void expectSharesAddUp(const Verification& v) {
-  EXPECT_NEAR(v.visible + v.hidden + v.violation, 1, 1e-9);
-  for (const double share : {v.explained, v.visible, v.hidden, v.violation, v.score}) {
+  EXPECT_NEAR(v.agreement.visible + v.agreement.hidden + v.agreement.violation, 1, 1e-9);
+  for (const double share : {v.agreement.explained, v.agreement.visible, v.agreement.hidden,
+                             v.agreement.violation, v.score}) {
     EXPECT_GE(share, 0);
     EXPECT_LE(share, 1);
   }
@@ -67,11 +74,11 @@ TEST(Verify, TheRightPoseScoresHigh) {
   expectSharesAddUp(right);
   EXPECT_EQ(right.reason, "");
   EXPECT_GT(right.score, 0.85);
-  EXPECT_GT(right.explained, 0.97);
-  EXPECT_GT(right.visible, 0.9);
-  EXPECT_LT(right.violation, 0.05);
+  EXPECT_GT(right.agreement.explained, 0.97);
+  EXPECT_GT(right.agreement.visible, 0.9);
+  EXPECT_LT(right.agreement.violation, 0.05);
   EXPECT_LT(right.sink, 0.001);
-  EXPECT_LT(right.fitness, 0.003);
+  EXPECT_LT(right.agreement.fitness, 0.003);
 }
 
 TEST(Verify, TheScoreFallsWithTheErrorOfThePose) {
@@ -90,7 +97,7 @@ TEST(Verify, APoseThatDoesNotExplainTheClusterIsRefused) {
   EXPECT_EQ(off.reason.find("the model explains 0."), 0u) << off.reason;
   EXPECT_NE(off.reason.find("of the cluster, limit 0.70"), std::string::npos) << off.reason;
   const auto far = house().verify(Eigen::Translation3d(1, 0, 0) * house().truth);
-  EXPECT_EQ(far.explained, 0);
+  EXPECT_EQ(far.agreement.explained, 0);
   EXPECT_EQ(far.score, 0);
   EXPECT_EQ(far.reason, "the model explains 0.00 of the cluster, limit 0.70");
 }
@@ -101,8 +108,9 @@ TEST(Verify, APoseThatWouldHideWhatTheCameraSawIsRefused) {
   const Fixture fixture(scene::render({standing(scene::box(0.06, 0.12, 0.08), 0, 0, 0)}), 0,
                         long_block);
   const auto wrong = fixture.verify(fixture.truth);
-  EXPECT_GT(wrong.explained, 0.9);
-  EXPECT_NEAR(wrong.violation, 0.6, 0.1);  // 18 of 30 cm, less its foot, for which the table is
+  EXPECT_GT(wrong.agreement.explained, 0.9);
+  EXPECT_NEAR(wrong.agreement.violation, 0.6,
+              0.1);  // 18 of 30 cm, less its foot, for which the table is
   EXPECT_NE(wrong.reason.find("of the model is where the camera saw through, limit 0.25"),
             std::string::npos)
       << wrong.reason;
@@ -114,8 +122,8 @@ TEST(Verify, WhatSomethingNearerHidesIsNoViolation) {
   const Fixture fixture(scene, 0, scene::house());
   const auto occluded = fixture.verify(fixture.truth);
   expectSharesAddUp(occluded);
-  EXPECT_GT(occluded.hidden, 0.2);
-  EXPECT_LT(occluded.violation, 0.05);
+  EXPECT_GT(occluded.agreement.hidden, 0.2);
+  EXPECT_LT(occluded.agreement.violation, 0.05);
   EXPECT_EQ(occluded.reason, "");
 }
 
@@ -125,9 +133,9 @@ TEST(Verify, PixelsWithoutDepthAreNoViolation) {
   for (std::size_t i = 0; i < fixture.cloud.size(); i += 2) fixture.cloud.drop(i);
   const auto holed = fixture.verify(fixture.truth);
   expectSharesAddUp(holed);
-  EXPECT_NEAR(holed.hidden, (1 + whole.hidden) / 2, 0.1);
-  EXPECT_NEAR(holed.visible, whole.visible / 2, 0.1);
-  EXPECT_LT(holed.violation, 0.05);
+  EXPECT_NEAR(holed.agreement.hidden, (1 + whole.agreement.hidden) / 2, 0.1);
+  EXPECT_NEAR(holed.agreement.visible, whole.agreement.visible / 2, 0.1);
+  EXPECT_LT(holed.agreement.violation, 0.05);
   EXPECT_NEAR(holed.score, whole.score, 0.05);
 }
 
@@ -137,8 +145,8 @@ TEST(Verify, WithoutAProjectionFreeSpaceIsLeftOut) {
   const auto right = fixture.verify(fixture.truth);
   expectSharesAddUp(right);
   EXPECT_EQ(right.reason, "");
-  EXPECT_GT(right.visible, 0.8);
-  EXPECT_EQ(right.violation, 0);
+  EXPECT_GT(right.agreement.visible, 0.8);
+  EXPECT_EQ(right.agreement.violation, 0);
   fixture.cloud = clouds::unorganised(fixture.cloud);
   EXPECT_EQ(fixture.verify(fixture.truth).score, right.score);
 }
@@ -150,9 +158,7 @@ TEST(Verify, AModelThatReachesIntoTheTableIsRefused) {
   const auto sunk = fixture.verify(fixture.truth);
   EXPECT_NEAR(sunk.sink, 0.06, 0.002);
   EXPECT_NE(sunk.reason.find("m into the table, limit 0.020"), std::string::npos) << sunk.reason;
-  const auto without_table =
-      verifyPose(fixture.model, fixture.grid, fixture.truth, fixture.cluster, fixture.cloud,
-                 fixture.projection, std::nullopt, VerifyOptions());
+  const auto without_table = fixture.verify(fixture.truth, nullptr, VerifyOptions());
   EXPECT_EQ(without_table.sink, 0);
 }
 
@@ -168,17 +174,14 @@ TEST(Verify, TurnsWithTheSceneIntoACameraThatLooksAlongNegativeZ) {
     const Eigen::Isometry3d pose = Eigen::Translation3d(shift, 0, 0) * house().truth;
     const auto there = turned.verify(T * pose), here = house().verify(pose);
     EXPECT_NEAR(there.score, here.score, 0.02);
-    EXPECT_NEAR(there.visible, here.visible, 0.03);
-    EXPECT_NEAR(there.violation, here.violation, 0.03);
+    EXPECT_NEAR(there.agreement.visible, here.agreement.visible, 0.03);
+    EXPECT_NEAR(there.agreement.violation, here.agreement.violation, 0.03);
   }
 }
 
 TEST(Verify, OptionsOutOfRangeAreRefused) {
   VerifyOptions options;
   options.min_score = 2;
-  EXPECT_EQ(clouds::refusalOf([&] {
-              verifyPose(house().model, house().grid, house().truth, house().cluster, house().cloud,
-                         house().projection, house().table, options);
-            }),
+  EXPECT_EQ(clouds::refusalOf([&] { house().verify(house().truth, &house().table, options); }),
             "verify.min_score must be between 0 and 1, got 2");
 }
