@@ -26,6 +26,8 @@ constexpr float SAME_FACING = 0.9f;      // cosine of the normals on one smooth 
 constexpr int MIN_PART_POINTS = 40;      // of a smooth part that is looked at for itself
 constexpr double LOW_PROMISE = 0.65;     // of a whole cluster: its parts are looked at too
 
+constexpr double HIDDEN_COST = 0.3;  // of a guess that nothing speaks for or against
+
 /// A pose that a cluster may have, before ICP.
 struct Guess {
   int model;
@@ -242,6 +244,14 @@ std::vector<Guess> best(std::vector<Guess> guesses, int limit, int of_one,
   return kept;
 }
 
+/// How well a guess agrees with some points and the picture, 0 to 1.
+double promiseOf(const Guess& guess, const Surface& probes, const Observation& observation,
+                 const ModelIndex& index, double tolerance) {
+  const Agreement agreement =
+      agreementOf(index, guess.model, guess.T_camera_object, probes, observation, tolerance);
+  return agreement.score(tolerance) * (1 - HIDDEN_COST * agreement.hidden);
+}
+
 /// The most promising guesses, after a few steps of ICP. `points`: what they are to explain;
 /// `cluster`: what ICP moves them onto.
 std::vector<Candidate> mostPromising(std::vector<Guess> guesses, const Surface& points,
@@ -252,10 +262,7 @@ std::vector<Candidate> mostPromising(std::vector<Guess> guesses, const Surface& 
   for (auto& guess : guesses)
     guess.promise = explainedShare(index, guess.model, guess.T_camera_object, few, COARSE);
   guesses = best(std::move(guesses), MAX_JUDGED, MAX_JUDGED, index);
-  for (auto& guess : guesses)
-    guess.promise =
-        agreementOf(index, guess.model, guess.T_camera_object, probes, observation, COARSE)
-            .score(COARSE);
+  for (auto& guess : guesses) guess.promise = promiseOf(guess, probes, observation, index, COARSE);
   guesses = best(std::move(guesses), MAX_ALIGNED, MAX_ALIGNED_OF_ONE, index);
 
   RefineOptions coarse;
@@ -266,9 +273,7 @@ std::vector<Candidate> mostPromising(std::vector<Guess> guesses, const Surface& 
     const auto alignment = refinePose(source, index.models()[guess.model].surface,
                                       index.grid(guess.model), guess.T_camera_object, coarse);
     if (alignment) guess.T_camera_object = alignment->T_camera_object;
-    guess.promise =
-        agreementOf(index, guess.model, guess.T_camera_object, probes, observation, FINE)
-            .score(FINE);
+    guess.promise = promiseOf(guess, probes, observation, index, FINE);
   }
   std::vector<Candidate> candidates;
   for (const auto& guess : best(std::move(guesses), MAX_ALIGNED, MAX_ALIGNED, index)) {

@@ -8,16 +8,20 @@ namespace {
 
 constexpr double MIN_TOUCHED = 0.2;  // share of a part that a model explains if it shows the model
 
-/// The points of the parts that a model touches.
+/// The points of the parts that a model touches; of all parts if it touches none.
 Surface touchedParts(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
                      const std::vector<Surface>& parts, double tolerance) {
-  Surface touched;
+  Surface touched, all;
+  const auto add = [](const Surface& part, Surface& to) {
+    to.points.insert(to.points.end(), part.points.begin(), part.points.end());
+    to.normals.insert(to.normals.end(), part.normals.begin(), part.normals.end());
+  };
   for (const auto& part : parts) {
-    if (explainedShare(index, model, T_camera_object, part, tolerance) < MIN_TOUCHED) continue;
-    touched.points.insert(touched.points.end(), part.points.begin(), part.points.end());
-    touched.normals.insert(touched.normals.end(), part.normals.begin(), part.normals.end());
+    add(part, all);
+    if (explainedShare(index, model, T_camera_object, part, tolerance) >= MIN_TOUCHED)
+      add(part, touched);
   }
-  return touched;
+  return touched.empty() ? all : touched;
 }
 
 /// How deep a model reaches below the table's surface [m].
