@@ -45,6 +45,11 @@ Agreement agreementOf(const ModelIndex& index, int model, const Eigen::Isometry3
 double explainedShare(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
                       const Surface& points, double tolerance);
 
+/// Mean over the points of 1 - (distance / tolerance)^2, 0 for those that the model does not
+/// explain: 0 to 1.
+double closenessOf(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
+                   const Surface& points, double tolerance);
+
 /// For each of the points, whether it lies within `tolerance` of the model and faces as it does.
 std::vector<bool> explainedPoints(const ModelIndex& index, int model,
                                   const Eigen::Isometry3d& T_camera_object, const Surface& points,

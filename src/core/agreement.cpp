@@ -138,6 +138,17 @@ double explainedShare(const ModelIndex& index, int model, const Eigen::Isometry3
   return explained / std::max<double>(1, static_cast<double>(points.size()));
 }
 
+double closenessOf(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
+                   const Surface& points, double tolerance) {
+  const Explainer explainer(index, model, T_camera_object, tolerance);
+  double sum = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const float squared = explainer(points.points[i], points.normals[i]);
+    if (squared >= 0) sum += 1 - squared / (tolerance * tolerance);
+  }
+  return sum / std::max<double>(1, static_cast<double>(points.size()));
+}
+
 std::vector<bool> explainedPoints(const ModelIndex& index, int model,
                                   const Eigen::Isometry3d& T_camera_object, const Surface& points,
                                   double tolerance) {

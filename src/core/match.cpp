@@ -260,7 +260,7 @@ std::vector<Candidate> mostPromising(std::vector<Guess> guesses, const Surface& 
   const Surface few = thinned(points, FEW_PROBES), probes = thinned(points, PROBES),
                 source = thinned(cluster, 2 * PROBES);
   for (auto& guess : guesses)
-    guess.promise = explainedShare(index, guess.model, guess.T_camera_object, few, COARSE);
+    guess.promise = closenessOf(index, guess.model, guess.T_camera_object, few, COARSE);
   guesses = best(std::move(guesses), MAX_JUDGED, MAX_JUDGED, index);
   for (auto& guess : guesses) guess.promise = promiseOf(guess, probes, observation, index, COARSE);
   guesses = best(std::move(guesses), MAX_ALIGNED, MAX_ALIGNED_OF_ONE, index);
