@@ -10,7 +10,8 @@ namespace tabletop_perception {
 
 /// A raster laid over a plane, and the cell of each point near it.
 struct PlaneRaster {
-  int columns = 0, rows = 0;  ///< with a border of one cell around all points
+  int columns = 1,
+      rows = 1;           ///< with a border of one cell around all points; without any: one cell
   std::vector<int> cell;  ///< by point: row x columns + column; 0, a cell of the border: not near
 };
 
