@@ -31,6 +31,8 @@ struct SparseModel {
   Surface surface;
   std::vector<Side> sides;    ///< directions all around, about 16 deg apart
   std::vector<Stand> stands;  ///< the most probable first; none for a flat part of a surface
+  std::vector<Eigen::Isometry3d> turns;  ///< motions after which it looks nearly as before, which
+                                         ///< are no declared or continuous symmetry
 
   /// The side that is seen from a direction [unit, object to camera].
   const Side& sideTowards(const Eigen::Vector3f& direction) const;

@@ -1,7 +1,9 @@
 #include "tabletop_perception/decide.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <limits>
 
 namespace tabletop_perception {
 namespace {
@@ -14,6 +16,14 @@ constexpr double RIVAL_OVERLAP = 0.5;  // share of an object's points that a riv
 constexpr double MIN_SHARE_OF_CLUSTER = 0.3;  // that an object explains if the cluster shows it
 constexpr double TAKEN_SHARE = 0.5;  // of a cluster that objects explain: it is no unknown thing
 constexpr double MIN_LEFT_SHARE = 0.15;  // of a cluster that is worth another look
+
+constexpr int MAX_TURN_POINTS = 3000;    // that tell near symmetries apart
+constexpr double TURN_REACH = 0.015;     // of points about the model that count [m]
+constexpr double TURN_DISTANCE = 0.006;  // farther off a point says no more [m]
+constexpr double CONTACT_NOISE = 0.001;  // of the table's height under an object [m]
+constexpr double MAX_CONTACT_GAP =
+    0.004;                           // farther above or below it an object is held otherwise [m]
+constexpr double MIN_TURN_GAIN = 4;  // least gain in log likelihood that turns an object over
 
 /// The sampled points of all clusters.
 struct Standing {
@@ -115,7 +125,9 @@ class Decision {
       const std::string refusal = marginRefusal(hypothesis);
       take(hypothesis.explained);
       if (refusal.empty()) {
-        objects_.push_back(knownObject(hypothesis));
+        Hypothesis settled = hypothesis;
+        settleTurn(settled);
+        objects_.push_back(knownObject(settled));
         continue;
       }
       undecided_.push_back(hypothesis.explained);
@@ -123,6 +135,39 @@ class Decision {
         if (shareOfCluster(hypothesis.explained, k) >= MIN_SHARE_OF_CLUSTER) reasons_[k] = refusal;
     }
     hypotheses_.clear();
+  }
+
+  /// Of all turns of a nearly symmetric object the one that fits its points and the table best.
+  void settleTurn(Hypothesis& hypothesis) const {
+    const auto& turns = index_.sparse(hypothesis.model).turns;
+    if (turns.empty()) return;
+    const Surface points = pointsNear(hypothesis);
+    if (points.empty()) return;
+    auto best = hypothesis.T_camera_object;
+    std::optional<double> variance;
+    double least = 0;
+    const auto consider = [&](const Eigen::Isometry3d& start) {
+      RefineOptions fine = refine_;
+      fine.start_distance = fine.max_distance = TURN_DISTANCE;
+      const auto& surface = index_.models()[hypothesis.model].surface;
+      const auto& grid = index_.grid(hypothesis.model);
+      const auto alignment = refinePose(points, surface, grid, start, fine);
+      const auto T = alignment ? alignment->T_camera_object : start;
+      const double squared = planeDistances(hypothesis.model, T, points);
+      if (!variance) variance = squared / static_cast<double>(points.size()) + 1e-9;
+      const double cost = squared / (2 * *variance) + contactCost(hypothesis.model, T);
+      if (getenv("DBG"))
+        fprintf(stderr, "%s n %zu rms %.3f mm cost %.1f contact %.2f\n",
+                index_.models()[hypothesis.model].name.c_str(), points.size(),
+                1e3 * std::sqrt(squared / points.size()), cost, contactCost(hypothesis.model, T));
+      if (start.isApprox(hypothesis.T_camera_object) || cost < least - MIN_TURN_GAIN) {
+        least = cost;
+        best = T;
+      }
+    };
+    consider(hypothesis.T_camera_object);
+    for (const auto& turn : turns) consider(hypothesis.T_camera_object * turn);
+    hypothesis.T_camera_object = best;
   }
 
   /// Matches what is left of clusters that objects were found in.
@@ -219,6 +264,61 @@ class Decision {
     Surface source;
     for (std::size_t i = 0; i < near.size(); i += step) append(near, i, source);
     return source;
+  }
+
+  /// The points of the clusters about a hypothesis, unsampled, with the normals of the model there.
+  Surface pointsNear(const Hypothesis& hypothesis) const {
+    const auto& grid = index_.grid(hypothesis.model);
+    const auto& surface = index_.models()[hypothesis.model].surface;
+    const Eigen::Isometry3f T = hypothesis.T_camera_object.cast<float>();
+    const Eigen::Isometry3f T_object_camera = T.inverse();
+    Surface near;
+    for (std::size_t k = 0; k < clusters_.size(); ++k) {
+      if (shareOfCluster(hypothesis.explained, k) <= 0) continue;
+      for (const int i : clusters_[k]) {
+        const Eigen::Vector3f p = T_object_camera * scene_.point(i);
+        const int nearest = grid.nearest(p);
+        if (nearest < 0 || (surface.points[nearest] - p).norm() > TURN_REACH) continue;
+        near.points.push_back(scene_.point(i));
+        near.normals.push_back(T.linear() * surface.normals[nearest]);
+      }
+    }
+    const std::size_t step = near.size() / MAX_TURN_POINTS + 1;
+    Surface few;
+    for (std::size_t i = 0; i < near.size(); i += step) append(near, i, few);
+    return few;
+  }
+
+  /// Sum of the points' squared distances from the model's tangent planes [m^2].
+  double planeDistances(int model, const Eigen::Isometry3d& T_camera_object,
+                        const Surface& points) const {
+    const auto& grid = index_.grid(model);
+    const auto& surface = index_.models()[model].surface;
+    const Eigen::Isometry3f T_object_camera = T_camera_object.inverse().cast<float>();
+    double sum = 0;
+    for (const auto& point : points.points) {
+      const Eigen::Vector3f p = T_object_camera * point;
+      const int nearest = grid.nearest(p);
+      double distance = TURN_DISTANCE;
+      if (nearest >= 0) {
+        const Eigen::Vector3f away = p - surface.points[nearest];
+        const double off = std::abs(away.dot(surface.normals[nearest]));
+        if (away.norm() < TURN_DISTANCE) distance = std::min(off, TURN_DISTANCE);
+      }
+      sum += distance * distance;
+    }
+    return sum;
+  }
+
+  /// How unlikely it is that an object stands on the table like this: negative log likelihood.
+  double contactCost(int model, const Eigen::Isometry3d& T_camera_object) const {
+    if (!table_) return 0;
+    const Eigen::Isometry3f T = T_camera_object.cast<float>();
+    double lowest = std::numeric_limits<double>::infinity();
+    for (const auto& p : index_.models()[model].surface.points)
+      lowest = std::min(lowest, heightAbove(*table_, T * p));
+    const double gap = std::min(std::abs(lowest), MAX_CONTACT_GAP) / CONTACT_NOISE;
+    return gap * gap / 2;
   }
 
   std::string marginRefusal(const Hypothesis& best) const {

@@ -6,8 +6,6 @@
 #include <regex>
 #include <stdexcept>
 
-#include <Eigen/SVD>
-
 #include "tabletop_perception/symmetry.h"
 
 namespace tabletop_perception {
@@ -56,25 +54,6 @@ Eigen::Vector3d middleOf(const std::vector<Eigen::Vector3f>& points) {
   return box.center().cast<double>();
 }
 
-/// The directions of a box's sides, as columns: the mean normals of the surface, each turned to the
-/// axis that it is nearest to, from the axes of the object's frame on (so its sides must be within
-/// 45 degrees of these).
-Eigen::Matrix3d axesOfBox(const Surface& surface) {
-  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
-  for (int round = 0; round < 20; ++round) {
-    Eigen::Matrix3d sums = Eigen::Matrix3d::Zero();
-    for (const auto& normal : surface.normals) {
-      const Eigen::Vector3d along = axes.transpose() * normal.cast<double>();
-      int nearest;
-      along.cwiseAbs().maxCoeff(&nearest);
-      sums.col(nearest) += (along[nearest] < 0 ? -1 : 1) * normal.cast<double>();
-    }
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sums, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    axes = svd.matrixU() * svd.matrixV().transpose();
-  }
-  return axes;
-}
-
 Symmetry symmetryOf(const Mesh& mesh, const std::string& words) {
   static const std::regex DECLARED(R"((none|axis [xyz]|half [xyz]|box)( \(continuous\)| 180deg)?)");
   std::smatch match;
@@ -82,7 +61,7 @@ Symmetry symmetryOf(const Mesh& mesh, const std::string& words) {
   if (!std::regex_match(words, match, DECLARED)) return detectSymmetry(surface);
   Symmetry symmetry = declaredSymmetry(match[1], middleOf(mesh.vertices));
   if (match[1] == "box") {
-    const Eigen::Matrix3d axes = axesOfBox(surface);
+    const Eigen::Matrix3d axes = dominantAxes(surface);
     for (auto& rotation : symmetry.rotations) rotation = axes * rotation * axes.transpose();
   }
   return symmetry;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "tabletop_perception/kd_tree.h"
 #include "tabletop_perception/mesh.h"
 #include "tabletop_perception/rests.h"
 #include "tabletop_perception/symmetry.h"
@@ -23,6 +24,8 @@ constexpr int MAX_STANDS = 12;
 constexpr double SAME_STAND = 0.17;  // stands that tilt less from each other are one [rad]
 constexpr int YAWS = 24;             // turns about the vertical, within the reach of ICP
 constexpr double SAME_YAW = 0.13;    // turns nearer than this are one, up to the symmetry [rad]
+constexpr float NEARLY_THE_SAME = 0.01f;  // from where a turned model's surface was [m]
+constexpr double MIN_NEARLY_SAME = 0.9;   // share of the surface that is so after a near symmetry
 
 /// Orthographic depth of a surface seen from a direction.
 class DepthRaster {
@@ -134,6 +137,58 @@ std::vector<SparseModel::Stand> standsOf(const ObjectModel& model) {
   return stands;
 }
 
+/// The turns of a cube: all right-handed ways to lay three axes onto each other, the identity left
+/// out.
+std::vector<Eigen::Matrix3d> turnsOfCube() {
+  std::vector<Eigen::Matrix3d> turns;
+  for (int x = 0; x < 3; ++x)
+    for (int y = 0; y < 3; ++y)
+      for (const int signs : {0, 1, 2, 3}) {
+        if (x == y) continue;
+        Eigen::Matrix3d turn;
+        turn.col(0) = (signs & 1 ? -1 : 1) * Eigen::Vector3d::Unit(x);
+        turn.col(1) = (signs & 2 ? -1 : 1) * Eigen::Vector3d::Unit(y);
+        turn.col(2) = turn.col(0).cross(turn.col(1));
+        if (!turn.isIdentity()) turns.push_back(turn);
+      }
+  return turns;
+}
+
+/// Share of a surface that lies on it after a motion.
+double shareOnItself(const Surface& sparse, const KdTree& dense, const Eigen::Isometry3d& motion) {
+  const Eigen::Isometry3f T = motion.cast<float>();
+  int on = 0;
+  for (const auto& p : sparse.points)
+    on += dense.nearest(T * p).squared_distance < NEARLY_THE_SAME * NEARLY_THE_SAME;
+  return on / static_cast<double>(sparse.size());
+}
+
+std::vector<Eigen::Isometry3d> nearSymmetries(const ObjectModel& model, const Surface& sparse) {
+  const Eigen::Matrix3d axes = dominantAxes(model.surface);
+  Eigen::AlignedBox3d box;
+  for (const auto& p : model.surface.points) box.extend(axes.transpose() * p.cast<double>());
+  const KdTree dense(model.surface.points);
+  Symmetry certain = model.symmetry;
+  if (!certain.declared) certain.rotations.clear();
+  auto known = symmetryMotions(certain);
+  std::vector<Eigen::Isometry3d> turns;
+  for (const auto& of_cube : turnsOfCube()) {
+    const Eigen::Matrix3d turn = axes * of_cube * axes.transpose();
+    const auto alike = [&](const Eigen::Isometry3d& other) {
+      return angleOf(other.linear().transpose() * turn) < SAME_YAW;
+    };
+    if (std::any_of(known.begin(), known.end(), alike)) continue;
+    const Eigen::Vector3d center = axes * box.center();
+    Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
+    motion.translate(center);
+    motion.rotate(turn).translate(-center);
+    if (shareOnItself(sparse, dense, motion) < MIN_NEARLY_SAME) continue;
+    turns.push_back(motion);
+    for (const auto& certainly : symmetryMotions(certain)) known.push_back(motion * certainly);
+  }
+  return turns;
+}
+
 }  // namespace
 
 const SparseModel::Side& SparseModel::sideTowards(const Eigen::Vector3f& direction) const {
@@ -148,6 +203,7 @@ SparseModel makeSparse(const ObjectModel& model) {
   for (const auto& direction : icosphereDirections())
     sparse.sides.push_back(sideOf(model.surface, sparse.surface, direction.cast<float>()));
   sparse.stands = standsOf(model);
+  sparse.turns = nearSymmetries(model, sparse.surface);
   return sparse;
 }
 

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/SVD>
 
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/kd_tree.h"
@@ -277,6 +278,22 @@ Symmetry detectSymmetry(const Surface& surface, double tolerance) {
       addUnlessThere(symmetry.rotations, rotationAbout(found.axis, angle));
   closeGroup(symmetry.rotations);
   return symmetry;
+}
+
+Eigen::Matrix3d dominantAxes(const Surface& surface) {
+  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
+  for (int round = 0; round < 20; ++round) {
+    Eigen::Matrix3d sums = Eigen::Matrix3d::Zero();
+    for (const auto& normal : surface.normals) {
+      const Eigen::Vector3d along = axes.transpose() * normal.cast<double>();
+      int nearest;
+      along.cwiseAbs().maxCoeff(&nearest);
+      sums.col(nearest) += (along[nearest] < 0 ? -1 : 1) * normal.cast<double>();
+    }
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sums, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    axes = svd.matrixU() * svd.matrixV().transpose();
+  }
+  return axes;
 }
 
 Symmetry declaredSymmetry(const std::string& words, const Eigen::Vector3d& center) {

@@ -175,7 +175,9 @@ TEST(Match, ARenderedViewFindsItsOwnObject) {
       Eigen::Isometry3d truth =
           Eigen::Translation3d(0.1, -0.05, 0) * views::lookAt(mesh, direction, 0.9);
       truth = Eigen::AngleAxisd(0.7, Eigen::Vector3d::UnitZ()) * truth;  // the camera rolled
-      const auto candidates = matched(views::seen(mesh, truth), trainedIndex(), MatchOptions());
+      const Cloud picture = views::imageOf(mesh, truth);
+      const auto candidates = matchCluster(views::sampled(picture), observe(picture, std::nullopt),
+                                           trainedIndex(), MatchOptions());
       ASSERT_TRUE(candidates) << candidates.reason;
       EXPECT_EQ(candidates->front().name, name) << direction.transpose();
       const auto right = std::any_of(candidates->begin(), candidates->end(), [&](const auto& c) {

@@ -12,7 +12,11 @@ using namespace test;
 TEST(ZeroCopy, nodeletsPassTheSameMessageOn) {
   nodelet::Loader manager(false);
   const auto load = [&](const std::string& name, const std::string& input) {
-    return manager.load("/" + name, "tabletop_perception/" + name, {{"/" + name + "/input", input}},
+    const std::string own = "/" + name;
+    return manager.load(own, "tabletop_perception/" + name,
+                        {{own + "/input", input},
+                         {own + "/table", "/table/table"},
+                         {own + "/cloud", "/filter/cloud"}},
                         {});
   };
   ASSERT_TRUE(load("filter", "/camera/depth_registered/points"));
