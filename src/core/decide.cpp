@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <limits>
 
+#include "tabletop_perception/normals.h"
+
 namespace tabletop_perception {
 namespace {
 
@@ -22,8 +24,9 @@ constexpr double TURN_REACH = 0.015;     // of points about the model that count
 constexpr double TURN_DISTANCE = 0.006;  // farther off a point says no more [m]
 constexpr double CONTACT_NOISE = 0.001;  // of the table's height under an object [m]
 constexpr double MAX_CONTACT_GAP =
-    0.004;                           // farther above or below it an object is held otherwise [m]
-constexpr double MIN_TURN_GAIN = 4;  // least gain in log likelihood that turns an object over
+    0.004;                             // farther above or below it an object is held otherwise [m]
+constexpr double FINEST_RMS = 0.0003;  // of points on a model, for its own sampling [m]
+constexpr double MIN_TURN_GAIN = 6;    // least gain in log likelihood that turns an object over
 
 /// The sampled points of all clusters.
 struct Standing {
@@ -77,10 +80,19 @@ struct Hypothesis {
   Eigen::Isometry3d T_camera_object;
   Verification verification;
   Marks explained;
-  int points;  ///< that it explains
+  int points;      ///< that it explains
+  double rms = 0;  ///< distance of the points about it from its tangent planes [m]
 
   double worth() const { return verification.score * points; }
   bool stands() const { return verification.reason.empty(); }
+};
+
+/// How all points about a model lie on it.
+struct Fit {
+  Eigen::Isometry3d T_camera_object = Eigen::Isometry3d::Identity();
+  double mean_square = 0;   ///< of the points' distances from the model's tangent planes [m^2]
+  double correlation = 0;   ///< of neighboring points' distances, 0 to 1
+  double contact_cost = 0;  ///< negative log likelihood of its height above the table
 };
 
 /// The candidates of one scene, refined and verified, and the objects chosen among them.
@@ -122,52 +134,50 @@ class Decision {
       if (!hypothesis.stands()) continue;
       const int shared = commonOf(hypothesis.explained, taken_);
       if (shared > (1 - MIN_OWN_SHARE) * hypothesis.points) continue;
+      Hypothesis settled = hypothesis;
+      settleTurn(settled);
+      const double score = probabilityOf(settled.verification.agreement, settled.rms);
+      if (score < verify_.min_score) {
+        noteRefusal(hypothesis, scoreRefusal(settled, score));
+        continue;
+      }
       const std::string refusal = marginRefusal(hypothesis);
       take(hypothesis.explained);
       if (refusal.empty()) {
-        Hypothesis settled = hypothesis;
-        settleTurn(settled);
-        objects_.push_back(knownObject(settled));
+        objects_.push_back(knownObject(settled, score));
         continue;
       }
       undecided_.push_back(hypothesis.explained);
-      for (std::size_t k = 0; k < clusters_.size(); ++k)
-        if (shareOfCluster(hypothesis.explained, k) >= MIN_SHARE_OF_CLUSTER) reasons_[k] = refusal;
+      noteRefusal(hypothesis, refusal);
     }
     hypotheses_.clear();
   }
 
   /// Of all turns of a nearly symmetric object the one that fits its points and the table best.
+  /// Another than the one at hand has to be the better by `MIN_TURN_GAIN` in log likelihood, where
+  /// points whose neighbors are off as they are count for less than independent ones.
   void settleTurn(Hypothesis& hypothesis) const {
-    const auto& turns = index_.sparse(hypothesis.model).turns;
-    if (turns.empty()) return;
     const Surface points = pointsNear(hypothesis);
     if (points.empty()) return;
-    auto best = hypothesis.T_camera_object;
-    std::optional<double> variance;
-    double least = 0;
-    const auto consider = [&](const Eigen::Isometry3d& start) {
-      RefineOptions fine = refine_;
-      fine.start_distance = fine.max_distance = TURN_DISTANCE;
-      const auto& surface = index_.models()[hypothesis.model].surface;
-      const auto& grid = index_.grid(hypothesis.model);
-      const auto alignment = refinePose(points, surface, grid, start, fine);
-      const auto T = alignment ? alignment->T_camera_object : start;
-      const double squared = planeDistances(hypothesis.model, T, points);
-      if (!variance) variance = squared / static_cast<double>(points.size()) + 1e-9;
-      const double cost = squared / (2 * *variance) + contactCost(hypothesis.model, T);
-      if (getenv("DBG"))
-        fprintf(stderr, "%s n %zu rms %.3f mm cost %.1f contact %.2f\n",
-                index_.models()[hypothesis.model].name.c_str(), points.size(),
-                1e3 * std::sqrt(squared / points.size()), cost, contactCost(hypothesis.model, T));
-      if (start.isApprox(hypothesis.T_camera_object) || cost < least - MIN_TURN_GAIN) {
-        least = cost;
-        best = T;
-      }
+    std::vector<Fit> fits{fitOf(hypothesis.model, hypothesis.T_camera_object, points)};
+    for (const auto& turn : index_.sparse(hypothesis.model).turns)
+      fits.push_back(fitOf(hypothesis.model, hypothesis.T_camera_object * turn, points));
+
+    double correlation = 1;
+    for (const auto& fit : fits) correlation = std::min(correlation, fit.correlation);
+    const double independent = std::pow((1 - correlation) / (1 + correlation), 2);
+    const double variance = fits.front().mean_square + FINEST_RMS * FINEST_RMS;
+    const auto costOf = [&](const Fit& fit) {
+      return independent * static_cast<double>(points.size()) * fit.mean_square / (2 * variance) +
+             fit.contact_cost;
     };
-    consider(hypothesis.T_camera_object);
-    for (const auto& turn : turns) consider(hypothesis.T_camera_object * turn);
-    hypothesis.T_camera_object = best;
+    const Fit* best = &fits.front();
+    for (const auto& fit : fits) {
+      const double least = costOf(*best) - (best == &fits.front() ? MIN_TURN_GAIN : 0);
+      if (costOf(fit) < least) best = &fit;
+    }
+    hypothesis.T_camera_object = best->T_camera_object;
+    hypothesis.rms = std::sqrt(best->mean_square);
   }
 
   /// Matches what is left of clusters that objects were found in.
@@ -289,25 +299,33 @@ class Decision {
     return few;
   }
 
-  /// Sum of the points' squared distances from the model's tangent planes [m^2].
-  double planeDistances(int model, const Eigen::Isometry3d& T_camera_object,
-                        const Surface& points) const {
+  /// ICP of all points from a start, and how they lie then.
+  Fit fitOf(int model, const Eigen::Isometry3d& start, const Surface& points) const {
     const auto& grid = index_.grid(model);
     const auto& surface = index_.models()[model].surface;
-    const Eigen::Isometry3f T_object_camera = T_camera_object.inverse().cast<float>();
-    double sum = 0;
+    RefineOptions fine = refine_;
+    fine.start_distance = fine.max_distance = TURN_DISTANCE;
+    const auto alignment = refinePose(points, surface, grid, start, fine);
+    Fit fit;
+    fit.T_camera_object = alignment ? alignment->T_camera_object : start;
+    const Eigen::Isometry3f T_object_camera = fit.T_camera_object.inverse().cast<float>();
+    double sum = 0, neighbors = 0, before = 0;
     for (const auto& point : points.points) {
       const Eigen::Vector3f p = T_object_camera * point;
       const int nearest = grid.nearest(p);
-      double distance = TURN_DISTANCE;
+      double off = TURN_DISTANCE;
       if (nearest >= 0) {
         const Eigen::Vector3f away = p - surface.points[nearest];
-        const double off = std::abs(away.dot(surface.normals[nearest]));
-        if (away.norm() < TURN_DISTANCE) distance = std::min(off, TURN_DISTANCE);
+        if (away.norm() < TURN_DISTANCE) off = away.dot(surface.normals[nearest]);
       }
-      sum += distance * distance;
+      sum += off * off;
+      neighbors += off * before;
+      before = off;
     }
-    return sum;
+    fit.mean_square = sum / static_cast<double>(points.size());
+    fit.correlation = std::clamp(neighbors / std::max(sum, 1e-12), 0.0, 0.99);
+    fit.contact_cost = contactCost(model, fit.T_camera_object);
+    return fit;
   }
 
   /// How unlikely it is that an object stands on the table like this: negative log likelihood.
@@ -319,6 +337,18 @@ class Decision {
       lowest = std::min(lowest, heightAbove(*table_, T * p));
     const double gap = std::min(std::abs(lowest), MAX_CONTACT_GAP) / CONTACT_NOISE;
     return gap * gap / 2;
+  }
+
+  std::string scoreRefusal(const Hypothesis& hypothesis, double score) const {
+    char text[200];
+    std::snprintf(text, sizeof text, "%s: score %.2f, limit %.2f",
+                  index_.models()[hypothesis.model].name.c_str(), score, verify_.min_score);
+    return text;
+  }
+
+  void noteRefusal(const Hypothesis& hypothesis, const std::string& refusal) {
+    for (std::size_t k = 0; k < clusters_.size(); ++k)
+      if (shareOfCluster(hypothesis.explained, k) >= MIN_SHARE_OF_CLUSTER) reasons_[k] = refusal;
   }
 
   std::string marginRefusal(const Hypothesis& best) const {
@@ -364,10 +394,10 @@ class Decision {
     return begun && rest;
   }
 
-  SceneObject knownObject(const Hypothesis& hypothesis) const {
+  SceneObject knownObject(const Hypothesis& hypothesis, double score) const {
     SceneObject object;
     object.name = index_.models()[hypothesis.model].name;
-    object.score = hypothesis.verification.score;
+    object.score = score;
     object.T_camera_object = hypothesis.T_camera_object;
     object.fitness = hypothesis.verification.agreement.fitness;
     object.visible = hypothesis.verification.agreement.visible;
@@ -435,6 +465,12 @@ SceneObject unknownObject(const Cloud& scene, const Indices& cluster, std::uint3
   object.box = boxAround(pointsAt(scene, cluster), up);
   object.T_camera_object = object.box.T_camera_box;
   return object;
+}
+
+Surface sampleCluster(const Cloud& scene, const Indices& cluster,
+                      const DescriptorOptions& options) {
+  return sampleSurface(pointsAt(scene, cluster), options.leaf, options.normal_radius,
+                       Eigen::Vector3f::Zero());
 }
 
 std::vector<SceneObject> decideObjects(const Cloud& scene, const std::vector<Indices>& clusters,

@@ -98,12 +98,6 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
   return result;
 }
 
-Surface sampleCluster(const Cloud& scene, const Indices& cluster,
-                      const DescriptorOptions& options) {
-  return sampleSurface(pointsAt(scene, cluster), options.leaf, options.normal_radius,
-                       Eigen::Vector3f::Zero());
-}
-
 std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indices>& clusters,
                                      const std::optional<Table>& table, const ModelIndex& index,
                                      const MatchOptions& options) {

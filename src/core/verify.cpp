@@ -1,6 +1,7 @@
 #include "tabletop_perception/verify.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 namespace tabletop_perception {
@@ -48,9 +49,9 @@ std::string refusal(const Verification& verification, const VerifyOptions& optio
   else if (verification.sink > options.max_sink)
     std::snprintf(text, sizeof text, "the model reaches %.3f m into the table, limit %.3f",
                   verification.sink, options.max_sink);
-  else if (verification.score < options.min_score)
-    std::snprintf(text, sizeof text, "score %.2f, limit %.2f", verification.score,
-                  options.min_score);
+  else if (verification.score < options.min_agreement)
+    std::snprintf(text, sizeof text, "agreement %.2f, limit %.2f", verification.score,
+                  options.min_agreement);
   else
     return "";
   return text;
@@ -71,6 +72,17 @@ Verification verifyPose(const ModelIndex& index, int model,
   verification.score = verification.agreement.score(options.tolerance);
   verification.reason = refusal(verification, options);
   return verification;
+}
+
+double probabilityOf(const Agreement& agreement, double rms) {
+  constexpr double CONSTANT = 6.6, EXPLAINED = 8.8, VISIBLE = 16.6, SQUARED_MM = -0.81;
+  constexpr double LEAST = 0.01;  // share; smaller ones are as unlikely
+  const double seen = agreement.visible + agreement.violation;
+  const double visible = seen > 0 ? agreement.visible / seen : 0;
+  const double rms_mm = 1000 * rms;
+  const double odds = CONSTANT + EXPLAINED * std::log(std::max(LEAST, agreement.explained)) +
+                      VISIBLE * std::log(std::max(LEAST, visible)) + SQUARED_MM * rms_mm * rms_mm;
+  return 1 / (1 + std::exp(-odds));
 }
 
 }  // namespace tabletop_perception

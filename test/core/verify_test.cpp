@@ -185,3 +185,20 @@ TEST(Verify, OptionsOutOfRangeAreRefused) {
   EXPECT_EQ(clouds::refusalOf([&] { house().verify(house().truth, &house().table, options); }),
             "verify.min_score must be between 0 and 1, got 2");
 }
+
+TEST(Verify, TheProbabilityFollowsTheEvidence) {
+  Agreement good;
+  good.explained = 0.98;
+  good.visible = 0.8;
+  const double sure = probabilityOf(good, 0.001);
+  EXPECT_GT(sure, 0.9);
+  EXPECT_LT(sure, 1);
+  Agreement less = good;
+  less.explained = 0.7;
+  EXPECT_LT(probabilityOf(less, 0.001), sure);
+  Agreement seen_through = good;
+  seen_through.violation = 0.2;
+  EXPECT_LT(probabilityOf(seen_through, 0.001), sure);
+  EXPECT_LT(probabilityOf(good, 0.003), 0.5) << "3 mm off everywhere";
+  EXPECT_LT(probabilityOf(Agreement(), 0), 1e-6) << "nothing explained, nothing seen";
+}
