@@ -66,13 +66,15 @@ struct SceneObject {
 
 /// The table and what stands on it, before any recognition.
 struct Segmentation {
-  Cloud filtered;  ///< the cloud that the labels belong to
-  std::optional<Table> table;
+  Cloud filtered;              ///< the cloud that the labels belong to
+  std::optional<Table> table;  ///< the main one
+  std::vector<Table> other_tables;
   std::vector<Indices> clusters;           ///< points of `filtered`, largest first
   std::string reason;                      ///< why there is no table or nothing on it
   std::map<std::string, double> times_ms;  ///< per stage, and "total"
 
   std::vector<std::uint32_t> labels() const;  ///< one per point of `filtered`
+  std::vector<Table> tables() const;          ///< all, the main one first
 };
 
 /// Segmentation and an object for each cluster, in the order of the clusters.
@@ -103,10 +105,11 @@ std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indic
 
 /// The strict half: every candidate refined and verified, and of the proposals that stand up to the
 /// limits those kept that explain most points best, no cluster twice. What is left of the clusters
-/// is "unknown", with its box and the reason. In the order of the labels.
+/// is "unknown", with its box and the reason. In the order of the labels. `tables`: all, the main
+/// one first; each thing is verified against the one that it stands on.
 std::vector<SceneObject> decideObjects(const Cloud& scene, const std::vector<Indices>& clusters,
                                        const std::vector<Proposal>& proposals,
-                                       const std::optional<Table>& table, const ModelIndex& index,
+                                       const std::vector<Table>& tables, const ModelIndex& index,
                                        const PipelineOptions& options);
 
 /// The whole pipeline in one call.

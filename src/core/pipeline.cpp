@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <iterator>
+#include <limits>
 #include <stdexcept>
 
 #include "tabletop_perception/normals.h"
@@ -92,13 +94,31 @@ SceneObject boxedObject(const Cloud& scene, const Indices& points,
   return object;
 }
 
+/// The table that some points stand on: of those below their centroid the highest, else the main
+/// one; none if there is no table.
+std::optional<Table> tableBelow(const Cloud& scene, const Indices& points,
+                                const std::vector<Table>& tables) {
+  if (tables.empty()) return std::nullopt;
+  const Eigen::Vector3f middle = centroidOf(pointsAt(scene, points));
+  const Table* below = &tables.front();
+  double least = std::numeric_limits<double>::infinity();
+  for (const auto& table : tables) {
+    const double height = heightAbove(table, middle);
+    if (height < 0 || height >= least || !isOver(table, middle)) continue;
+    below = &table;
+    least = height;
+  }
+  return *below;
+}
+
 /// What some clusters are: every candidate refined and verified, the best one kept if it stands up
 /// to the limits; else "unknown" with the reason.
 SceneObject decideProposal(const Cloud& scene, const std::vector<Indices>& clusters,
-                           const Proposal& proposal, const std::optional<Table>& table,
+                           const Proposal& proposal, const std::vector<Table>& tables,
                            const std::optional<Projection>& projection, const ModelIndex& index,
                            const PipelineOptions& options) {
   const Indices points = pointsOf(clusters, membersOf(proposal.labels));
+  const auto table = tableBelow(scene, points, tables);
   SceneObject object = boxedObject(scene, points, proposal.labels, table);
   object.reason = proposal.candidates.reason;
   if (!proposal.candidates) return object;
@@ -163,7 +183,16 @@ PipelineOptions readPipelineOptions(const std::string& yaml_file) {
 }
 
 std::vector<std::uint32_t> Segmentation::labels() const {
-  return labelsOf(filtered.size(), table ? table->inliers : Indices{}, clusters);
+  Indices on_tables = table ? table->inliers : Indices{};
+  for (const auto& other : other_tables)
+    on_tables.insert(on_tables.end(), other.inliers.begin(), other.inliers.end());
+  return labelsOf(filtered.size(), on_tables, clusters);
+}
+
+std::vector<Table> Segmentation::tables() const {
+  std::vector<Table> all = other_tables;
+  if (table) all.insert(all.begin(), *table);
+  return all;
 }
 
 Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
@@ -173,13 +202,15 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
   result.filtered = filterCloud(cloud, options.filter);
   watch.lap("filter");
 
-  auto table = findTable(result.filtered, up, options.table);
+  auto tables = findTables(result.filtered, up, options.table);
   watch.lap("table");
-  result.reason = table.reason;
-  if (!table) return result;
-  result.table = std::move(table.value);
+  result.reason = tables.reason;
+  if (!tables) return result;
+  const Cloud standing = pointsOnTables(result.filtered, *tables, options.table);
+  result.table = std::move(tables.value->front());
+  result.other_tables.assign(std::make_move_iterator(tables.value->begin() + 1),
+                             std::make_move_iterator(tables.value->end()));
 
-  const Cloud standing = pointsOnTable(result.filtered, *result.table, options.table);
   result.clusters = extractClusters(standing, options.cluster);
   watch.lap("cluster");
   result.clusters = splitClusters(standing, result.clusters, options.split);
@@ -214,17 +245,18 @@ std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indic
 
 std::vector<SceneObject> decideObjects(const Cloud& scene, const std::vector<Indices>& clusters,
                                        const std::vector<Proposal>& proposals,
-                                       const std::optional<Table>& table, const ModelIndex& index,
+                                       const std::vector<Table>& tables, const ModelIndex& index,
                                        const PipelineOptions& options) {
   const auto projection = fitProjection(scene).value;
+  const auto main_table = tables.empty() ? std::nullopt : std::optional(tables.front());
   std::vector<SceneObject> known, objects;
   std::vector<SceneObject> alone(clusters.size());  // each cluster, should it remain unknown
   for (const auto& proposal : proposals) {
     SceneObject object =
-        decideProposal(scene, clusters, proposal, table, projection, index, options);
+        decideProposal(scene, clusters, proposal, tables, projection, index, options);
     if (proposal.labels.size() == 1) {
       alone.at(proposal.labels[0] - 2) =
-          unknownObject(scene, clusters.at(proposal.labels[0] - 2), proposal.labels[0], table);
+          unknownObject(scene, clusters.at(proposal.labels[0] - 2), proposal.labels[0], main_table);
       alone[proposal.labels[0] - 2].reason = object.reason;
     }
     if (object.name != "unknown") known.push_back(std::move(object));
@@ -254,10 +286,12 @@ Recognition recognizeScene(const Cloud& cloud, const std::optional<Eigen::Vector
   result.segmentation = segmentScene(cloud, up, options);
   result.times_ms = result.segmentation.times_ms;
   StopWatch watch(result.times_ms);
-  const auto& [scene, table, clusters, reason, times] = result.segmentation;
+  const Cloud& scene = result.segmentation.filtered;
+  const auto& clusters = result.segmentation.clusters;
   const auto proposals = proposeObjects(scene, clusters, index, options.match);
   watch.lap("match");
-  result.objects = decideObjects(scene, clusters, proposals, table, index, options);
+  result.objects =
+      decideObjects(scene, clusters, proposals, result.segmentation.tables(), index, options);
   watch.lap("refine");
   return result;
 }

@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <cstdio>
 #include <iterator>
+#include <limits>
+#include <map>
 #include <random>
 
 #include <opencv2/imgproc.hpp>
@@ -19,17 +21,25 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr int SAMPLE_SIZE = 1000;         // points that RANSAC looks at
-constexpr int NORMAL_SAMPLE_SIZE = 1500;  // points of an unorganised cloud that have normals
-constexpr int COARSE_COLUMNS = 160;       // of the grid on which planes are connected
-constexpr double LEVEL_COSINE = 0.996;    // of 5 deg: pieces of one level tilt alike
-constexpr double COARSE_TILT_DEG = 2;     // of a plane on that grid from that of all points [deg]
-constexpr double MAX_SHARED = 0.25;       // of a table's points with one before it
-constexpr double MIN_OTHER_SHARE = 0.25;  // of the main table's points, for another one
-constexpr double PATCH_CELL = 0.02;       // raster in which a patch of table is connected [m]
-constexpr int PATCH_GAP = 2;              // cells without points that a patch may span
-constexpr double MIN_PATCH_SHARE = 0.05;  // of the largest patch: smaller ones are chance
-constexpr int MAX_CELLS = 2000;           // along one side of the raster
+constexpr int SAMPLE_SIZE = 1000;          // points that RANSAC looks at
+constexpr int NORMAL_SAMPLE_SIZE = 1500;   // points of an unorganised cloud that have normals
+constexpr int COARSE_COLUMNS = 160;        // of the grid on which planes are connected
+constexpr double LEVEL_COSINE = 0.996;     // of 5 deg: pieces of one level tilt alike
+constexpr double COARSE_TILT_DEG = 2;      // of a plane on that grid from that of all points [deg]
+constexpr double MAX_SHARED = 0.25;        // of a table's points with one before it
+constexpr double MIN_OTHER_SHARE = 0.25;   // of the largest table's points, for another one
+constexpr double RIM_FACTOR = 2;           // coarse planes lack their rims: at most half of them
+constexpr double MAX_OTHER_TILT_DEG = 10;  // of another table from the largest [deg]
+constexpr double MIN_CLEARANCE = 0.1;      // under a board, above another one: lower is a thing [m]
+constexpr double BOARD_THICKNESS = 0.04;   // of a table: so far below its surface it is itself [m]
+constexpr double EDGE_REACH = 0.01;        // how far outside the hull a board's edges may lie [m]
+constexpr double SIDE_CELL = 0.02;         // raster in which a thing's sides are looked for [m]
+constexpr double SIDE_REACH = 0.03;        // how far from the outline of its top they may lie [m]
+constexpr double MIN_SIDE_SHARE = 0.3;     // of the outline with sides below: the top of a thing
+constexpr double PATCH_CELL = 0.02;        // raster in which a patch of table is connected [m]
+constexpr int PATCH_GAP = 2;               // cells without points that a patch may span
+constexpr double MIN_PATCH_SHARE = 0.05;   // of the largest patch: smaller ones are chance
+constexpr int MAX_CELLS = 2000;            // along one side of the raster
 constexpr double HULL_SLACK = 0.005;  // the hull's own corners lie on the table, noise or not [m]
 constexpr std::size_t CARRIED_STEP = 7;  // every so manieth point tells whether a table is bare
 
@@ -208,6 +218,8 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Eigen::Vector4d& plane, doub
   return table;
 }
 
+double cosineOf(double degrees) { return std::cos(degrees * M_PI / 180); }
+
 /// Angle between a plane's normal and up [deg].
 double tiltOf(const Eigen::Vector4d& plane, const Eigen::Vector3d& up) {
   return std::acos(std::clamp(plane.head<3>().dot(up), -1.0, 1.0)) * 180 / M_PI;
@@ -236,15 +248,15 @@ std::string refusal(const Table& table, double agreement, const std::optional<Ei
   return "";
 }
 
-/// Tells which points stand on a table.
-class StandingTest {
+/// Tells which points lie at some height over a table's hull, or a margin about it [m].
+class ColumnTest {
  public:
-  StandingTest(const Table& table, const TableOptions& options)
+  ColumnTest(const Table& table, double low, double high, double margin)
       : plane_(table.plane.cast<float>()),
-        low_(static_cast<float>(options.min_height)),
-        high_(static_cast<float>(options.max_height)),
+        low_(static_cast<float>(low)),
+        high_(static_cast<float>(high)),
         flatten_(table.T_camera_table),
-        region_(table.hull, options.hull_margin) {}
+        region_(table.hull, margin) {}
 
   bool operator()(const Cloud& cloud, std::size_t i) const {
     const float height =
@@ -261,16 +273,76 @@ class StandingTest {
   ConvexRegion region_;
 };
 
+/// Tells which points stand on a table.
+ColumnTest standingTest(const Table& table, const TableOptions& options) {
+  return {table, options.min_height, options.max_height, options.hull_margin};
+}
+
+/// Tells which points are of the board itself, its surface or its edges.
+ColumnTest boardTest(const Table& table, const TableOptions& options) {
+  return {table, -BOARD_THICKNESS, options.min_height, EDGE_REACH};
+}
+
 Cloud withoutPoints(Cloud cloud, const Indices& indices) {
   for (const int i : indices) cloud.drop(i);
   return cloud;
 }
 
 bool carriesSomething(const Cloud& cloud, const Table& table, const TableOptions& options) {
-  const StandingTest stands(table, options);
+  const ColumnTest stands = standingTest(table, options);
   std::size_t carried = 0;
   for (std::size_t i = 0; i < cloud.size(); i += CARRIED_STEP) carried += stands(cloud, i);
   return carried * CARRIED_STEP >= static_cast<std::size_t>(options.min_carried);
+}
+
+/// Whether a plane is the top of a thing on a table, not a board above it: most of its points,
+/// `top` of the cloud, stand on the table, and beneath them are the thing's sides. Under a board is
+/// air, seen from the side, whatever else stands there.
+bool isTopOfThing(const Cloud& cloud, const Indices& top, const Table& table,
+                  const TableOptions& options) {
+  const ColumnTest stands = standingTest(table, options);
+  const Flattener flatten(table.T_camera_table);
+  struct Extent {
+    float from = std::numeric_limits<float>::infinity(), to = -from;
+    bool has_side = false;
+  };
+  std::map<int, Extent> slices;  // of the top, across the camera's forward direction
+  const auto sliceOf = [](const Eigen::Vector2f& p) {
+    return static_cast<int>(std::floor(p.y() / static_cast<float>(SIDE_CELL)));
+  };
+  std::size_t standing = 0;
+  double height = 0;
+  for (const int i : top) {
+    if (!stands(cloud, i)) continue;
+    ++standing;
+    height += heightAbove(table, cloud.point(i));
+    const Eigen::Vector2f p = flatten(cloud, i);
+    Extent& slice = slices[sliceOf(p)];
+    slice.from = std::min(slice.from, p.x() - static_cast<float>(SIDE_REACH));
+    slice.to = std::max(slice.to, p.x() + static_cast<float>(SIDE_REACH));
+  }
+  if (2 * standing < top.size()) return false;
+  height /= static_cast<double>(standing);
+  if (height < MIN_CLEARANCE) return true;
+
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (!stands(cloud, i)) continue;
+    const double below = height - heightAbove(table, cloud.point(i));
+    if (below < BOARD_THICKNESS || below > height / 2) continue;
+    const Eigen::Vector2f p = flatten(cloud, i);
+    const auto slice = slices.find(sliceOf(p));
+    if (slice != slices.end() && p.x() >= slice->second.from && p.x() <= slice->second.to)
+      slice->second.has_side = true;
+  }
+  const auto sides = std::count_if(slices.begin(), slices.end(),
+                                   [](const auto& slice) { return slice.second.has_side; });
+  return static_cast<double>(sides) >= MIN_SIDE_SHARE * static_cast<double>(slices.size());
+}
+
+/// Whether a table stands over another, as over the floor: higher than things on it may be.
+bool isBelow(const Table& lower, const Table& upper, const TableOptions& options) {
+  const Eigen::Vector3f center = upper.T_camera_table.translation().cast<float>();
+  return heightAbove(lower, center) > options.max_height && isOver(lower, center);
 }
 
 /// Some points of a cloud with their normals: enough to see where it is flat.
@@ -315,11 +387,10 @@ std::vector<Plane> levelsOf(const Cloud& cloud, const std::vector<Plane>& planes
 class TableSearch {
  public:
   TableSearch(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
-              const TableOptions& options, std::size_t most)
+              const TableOptions& options)
       : cloud_(cloud),
         up_(up),
         options_(options),
-        most_(most),
         sample_(cloud),
         forward_(forwardOf(sample_.cloud)) {}
 
@@ -327,9 +398,12 @@ class TableSearch {
     const auto planes = findPlanes(sample_.cloud, sample_.normals, PlaneOptions());
     int looked_at = 0;
     for (const auto& level : levelsOf(sample_.cloud, planes, options_.level_gap)) {
-      if (looked_at == options_.max_planes || done()) return;
+      if (looked_at == options_.max_planes) return;
       // The largest is looked at even if it cannot be a table: then it is the reason.
       if (looked_at > 0 && !mayBeLevel(level.plane)) continue;
+      const double points = static_cast<double>(level.points.size() * cloud_.size());
+      if (!isLargeEnough(RIM_FACTOR * points / static_cast<double>(sample_.cloud.size()))) return;
+      if (!isNoThing(sample_.cloud, level.points)) continue;
       ++looked_at;
       const double reach = std::clamp(3 * level.rms, options_.distance / 4, options_.distance);
       lookAt(cloud_, level.plane, reach);
@@ -337,8 +411,6 @@ class TableSearch {
   }
 
   void byDrawing() {
-    std::optional<PlaneConstraint> level;
-    if (up_) level = PlaneConstraint{*up_, std::cos(options_.max_tilt_deg * M_PI / 180)};
     std::mt19937 random(static_cast<std::uint32_t>(options_.seed));
     Cloud sample = sampleOf(cloud_, SAMPLE_SIZE);
     const Cloud* looked_at = &cloud_;
@@ -346,10 +418,13 @@ class TableSearch {
     for (int i = 0; i < options_.max_planes; ++i) {
       // The first plane is drawn without regard to up: if no table is found, it is the reason.
       const auto drawn =
-          drawPlane(sample, options_.distance, i == 0 ? std::nullopt : level, random);
+          drawPlane(sample, options_.distance, i == 0 ? std::nullopt : levelPlanes(), random);
       if (!drawn) break;
-      const Eigen::Vector4d plane = lookAt(*looked_at, *drawn, options_.distance);
-      if (done()) break;
+      const Indices near =
+          tables_.empty() ? Indices() : pointsNearPlane(*looked_at, *drawn, options_.distance);
+      if (!isLargeEnough(static_cast<double>(near.size()))) break;
+      const Eigen::Vector4d plane =
+          isNoThing(*looked_at, near) ? lookAt(*looked_at, *drawn, options_.distance) : *drawn;
       rest = withoutPoints(*looked_at, pointsNearPlane(*looked_at, plane, options_.distance));
       looked_at = &rest;
       sample = withoutPlane(sample, plane, 1.5 * options_.distance);
@@ -357,7 +432,10 @@ class TableSearch {
   }
 
   Found<std::vector<Table>> result() && {
-    if (!tables_.empty()) return std::move(tables_);
+    if (!tables_.empty()) {
+      leadWithWhatStandsHighest();
+      return std::move(tables_);
+    }
     if (!bare_) return Found<std::vector<Table>>::none(refusal_.empty() ? "no plane" : refusal_);
     Found<std::vector<Table>> found({std::move(*bare_)});
     found.reason = "nothing stands on it";
@@ -365,13 +443,32 @@ class TableSearch {
   }
 
  private:
-  bool done() const { return tables_.size() == most_; }
-
   /// A coarse plane tilts a little otherwise than that of all points.
   bool mayBeLevel(const Eigen::Vector4d& plane) const {
+    if (!tables_.empty()) return tiltOf(plane, largestNormal()) <= MAX_OTHER_TILT_DEG;
     if (!up_) return true;
     const double tilt = tiltOf(plane, *up_);
     return std::min(tilt, 180 - tilt) <= options_.max_tilt_deg + COARSE_TILT_DEG;
+  }
+
+  /// What is to be drawn after the first plane.
+  std::optional<PlaneConstraint> levelPlanes() const {
+    if (!tables_.empty()) return PlaneConstraint{largestNormal(), cosineOf(MAX_OTHER_TILT_DEG)};
+    if (up_) return PlaneConstraint{*up_, cosineOf(options_.max_tilt_deg)};
+    return std::nullopt;
+  }
+
+  /// Whether so many points, were they a table, are enough beside the largest table.
+  bool isLargeEnough(double points) const {
+    return tables_.empty() ||
+           points >= MIN_OTHER_SHARE * static_cast<double>(tables_.front().inliers.size());
+  }
+
+  /// Whether a plane through the given points of a cloud is not the top of a thing.
+  bool isNoThing(const Cloud& cloud, const Indices& points) const {
+    return std::none_of(tables_.begin(), tables_.end(), [&](const Table& table) {
+      return isTopOfThing(cloud, points, table, options_);
+    });
   }
 
   /// Gives back the plane, fitted to all its points if they can be outlined.
@@ -390,10 +487,11 @@ class TableSearch {
     return fitted;
   }
 
-  /// Not a piece of a table before, nor the lid of a thing on it.
+  /// Of a fair size, facing up as the largest does, and not a piece of a table before.
   bool isAnother(const Table& table) const {
     const double points = static_cast<double>(table.inliers.size());
-    if (!tables_.empty() && points < MIN_OTHER_SHARE * tables_.front().inliers.size()) return false;
+    if (!isLargeEnough(points)) return false;
+    if (!tables_.empty() && largestNormal().dot(table.plane.head<3>()) < 0) return false;
     return std::none_of(tables_.begin(), tables_.end(), [&](const Table& before) {
       Indices shared;
       std::set_intersection(before.inliers.begin(), before.inliers.end(), table.inliers.begin(),
@@ -401,6 +499,17 @@ class TableSearch {
       return shared.size() > MAX_SHARED * points;
     });
   }
+
+  /// The first that does not lie below another one is the main table.
+  void leadWithWhatStandsHighest() {
+    const auto main = std::find_if(tables_.begin(), tables_.end(), [&](const Table& table) {
+      return std::none_of(tables_.begin(), tables_.end(),
+                          [&](const Table& other) { return isBelow(table, other, options_); });
+    });
+    if (main != tables_.end()) std::rotate(tables_.begin(), main, std::next(main));
+  }
+
+  Eigen::Vector3d largestNormal() const { return tables_.front().plane.head<3>(); }
 
   double agreementOf(const Table& table) const {
     const Indices near = pointsNearPlane(sample_.cloud, table.plane, options_.distance);
@@ -410,7 +519,6 @@ class TableSearch {
   const Cloud& cloud_;
   const std::optional<Eigen::Vector3d>& up_;
   const TableOptions& options_;
-  std::size_t most_;
   NormalSample sample_;
   Eigen::Vector3d forward_;
   std::vector<Table> tables_;
@@ -418,20 +526,13 @@ class TableSearch {
   std::string refusal_;        // of the largest
 };
 
-Found<std::vector<Table>> tablesOf(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
-                                   const TableOptions& options, std::size_t most) {
-  checkOptions("table", options);
-  if (std::all_of(cloud.x.begin(), cloud.x.end(), [](float x) { return std::isnan(x); }))
-    return Found<std::vector<Table>>::none("the cloud has no valid point");
-  TableSearch search(cloud, up, options, most);
-  if (options.method == "components" && cloud.organized())
-    search.amongComponents();
-  else
-    search.byDrawing();
-  return std::move(search).result();
-}
-
 }  // namespace
+
+bool isOver(const Table& table, const Eigen::Vector3f& point) {
+  const Eigen::Vector2f flat =
+      (table.T_camera_table.inverse() * point.cast<double>()).head<2>().cast<float>();
+  return ConvexRegion(table.hull, 0).contains(flat.x(), flat.y());
+}
 
 std::vector<Eigen::Vector3d> hullInCamera(const Table& table) {
   std::vector<Eigen::Vector3d> corners;
@@ -442,12 +543,20 @@ std::vector<Eigen::Vector3d> hullInCamera(const Table& table) {
 
 Found<std::vector<Table>> findTables(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                                      const TableOptions& options) {
-  return tablesOf(cloud, up, options, options.max_planes);
+  checkOptions("table", options);
+  if (std::all_of(cloud.x.begin(), cloud.x.end(), [](float x) { return std::isnan(x); }))
+    return Found<std::vector<Table>>::none("the cloud has no valid point");
+  TableSearch search(cloud, up, options);
+  if (options.method == "components" && cloud.organized())
+    search.amongComponents();
+  else
+    search.byDrawing();
+  return std::move(search).result();
 }
 
 Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                        const TableOptions& options) {
-  auto tables = tablesOf(cloud, up, options, 1);
+  auto tables = findTables(cloud, up, options);
   if (!tables) return Found<Table>::none(tables.reason);
   Found<Table> found(std::move(tables.value->front()));
   found.reason = tables.reason;
@@ -455,11 +564,29 @@ Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>&
 }
 
 Cloud pointsOnTable(const Cloud& cloud, const Table& table, const TableOptions& options) {
-  const StandingTest stands(table, options);
+  const ColumnTest stands = standingTest(table, options);
   Cloud standing(cloud.width, cloud.height, false);
   standing.rgb = cloud.rgb;
   for (std::size_t i = 0; i < cloud.size(); ++i)
     if (stands(cloud, i)) standing.setPoint(i, cloud.point(i));
+  return standing;
+}
+
+Cloud pointsOnTables(const Cloud& cloud, const std::vector<Table>& tables,
+                     const TableOptions& options) {
+  if (tables.empty()) return Cloud(cloud.width, cloud.height, cloud.colored());
+  Cloud standing = pointsOnTable(cloud, tables.front(), options);
+  if (tables.size() == 1) return standing;
+  for (auto table = tables.begin() + 1; table != tables.end(); ++table) {
+    const ColumnTest stands = standingTest(*table, options);
+    for (std::size_t i = 0; i < cloud.size(); ++i)
+      if (stands(cloud, i)) standing.setPoint(i, cloud.point(i));
+  }
+  for (const auto& table : tables) {
+    const ColumnTest isBoard = boardTest(table, options);
+    for (std::size_t i = 0; i < cloud.size(); ++i)
+      if (isBoard(cloud, i)) standing.drop(i);
+  }
   return standing;
 }
 

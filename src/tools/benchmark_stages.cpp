@@ -91,11 +91,11 @@ std::vector<std::uint32_t> frontEnd(const PackedCloud& packed,
                                     const std::optional<Eigen::Vector3d>& up,
                                     const PipelineOptions& options) {
   const Cloud filtered = filterCloud(unpackCloud(packed), options.filter);
-  const auto table = findTable(filtered, up, options.table);
-  if (!table) return {};
+  const auto tables = findTables(filtered, up, options.table);
+  if (!tables) return {};
   const auto clusters =
-      extractClusters(pointsOnTable(filtered, *table, options.table), options.cluster);
-  return labelsOf(filtered.size(), table->inliers, clusters);
+      extractClusters(pointsOnTables(filtered, *tables, options.table), options.cluster);
+  return labelsOf(filtered.size(), tables->front().inliers, clusters);
 }
 
 /// Angle of a normal to a direction, either way round [deg]; none for NaN.

@@ -245,7 +245,7 @@ TEST(Pipeline, TheStagesOneByOneSayTheSame) {
   const auto proposals =
       proposeObjects(segmentation.filtered, segmentation.clusters, threeModels(), options.match);
   const auto objects = decideObjects(segmentation.filtered, segmentation.clusters, proposals,
-                                     segmentation.table, threeModels(), options);
+                                     segmentation.tables(), threeModels(), options);
   ASSERT_EQ(objects.size(), whole.objects.size());
   for (std::size_t k = 0; k < objects.size(); ++k) {
     EXPECT_EQ(objects[k].name, whole.objects[k].name);
@@ -260,7 +260,7 @@ TEST(Pipeline, CandidatesThatLeftTheDatabaseMeanwhileAreNotAnswered) {
   const std::vector<Candidate> gone{{"teapot", 0, 0, Eigen::Isometry3d::Identity()}};
   const auto objects =
       decideObjects(segmentation.filtered, {segmentation.clusters[0]}, {{{2}, gone}},
-                    segmentation.table, threeModels(), PipelineOptions());
+                    segmentation.tables(), threeModels(), PipelineOptions());
   ASSERT_EQ(objects.size(), 1u);
   EXPECT_EQ(objects[0].name, "unknown");
   EXPECT_NE(objects[0].reason, "");
