@@ -67,8 +67,8 @@ inline double heightAbove(const Table& table, const Eigen::Vector3f& point) {
   return table.plane.head<3>().dot(point.cast<double>()) + table.plane[3];
 }
 
-/// Whether a point lies over the table's hull, at any height.
-bool isOver(const Table& table, const Eigen::Vector3f& point);
+/// Whether a point lies over the table's hull or a margin about it [m], at any height.
+bool isOver(const Table& table, const Eigen::Vector3f& point, double margin);
 
 /// The hull's corners in the camera's frame [m].
 std::vector<Eigen::Vector3d> hullInCamera(const Table& table);
@@ -78,10 +78,11 @@ std::vector<Eigen::Vector3d> hullInCamera(const Table& table);
 /// points do not bear out is a cut through clutter and no table. `up`: unit direction against
 /// gravity in the cloud's frame, if it is known; then only planes seen from above, within
 /// `max_tilt_deg` of it (and in the height band) count. The main table is the largest that carries
-/// something, unless another one stands over it, higher than `max_height`: it is the floor then.
+/// something, but one that another stands over, higher than `max_height`, is a floor and none.
 /// Others follow by size: each carries something, is level with the largest to within 10 deg, has
-/// at least a quarter of its points, and is not the top of a thing on a table. If no plane carries
-/// anything, the largest alone, with the reason "nothing stands on it". Never an empty vector.
+/// at least a quarter of its points or stands over it, and is not the top of a thing on a table.
+/// If no plane carries anything, the largest alone, with the reason "nothing stands on it". Never
+/// an empty vector.
 Found<std::vector<Table>> findTables(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                                      const TableOptions& options);
 

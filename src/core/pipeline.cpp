@@ -104,7 +104,7 @@ std::optional<Table> tableBelow(const Cloud& scene, const Indices& points,
   double least = std::numeric_limits<double>::infinity();
   for (const auto& table : tables) {
     const double height = heightAbove(table, middle);
-    if (height < 0 || height >= least || !isOver(table, middle)) continue;
+    if (height < 0 || height >= least || !isOver(table, middle, 0)) continue;
     below = &table;
     least = height;
   }

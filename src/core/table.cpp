@@ -15,6 +15,7 @@
 
 #include "convex_hull.h"
 #include "plane_fit.h"
+#include "tabletop_perception/geometry.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/planes.h"
 
@@ -30,6 +31,7 @@ constexpr double MAX_SHARED = 0.25;        // of a table's points with one befor
 constexpr double MIN_OTHER_SHARE = 0.25;   // of the largest table's points, for another one
 constexpr double RIM_FACTOR = 2;           // coarse planes lack their rims: at most half of them
 constexpr double MAX_OTHER_TILT_DEG = 10;  // of another table from the largest [deg]
+constexpr double MIN_OVER_SHARE = 0.25;    // of a thing's top: things hide their table
 constexpr double MIN_CLEARANCE = 0.1;      // under a board, above another one: lower is a thing [m]
 constexpr double BOARD_THICKNESS = 0.04;   // of a table: so far below its surface it is itself [m]
 constexpr double EDGE_REACH = 0.01;        // how far outside the hull a board's edges may lie [m]
@@ -295,7 +297,7 @@ bool carriesSomething(const Cloud& cloud, const Table& table, const TableOptions
   return carried * CARRIED_STEP >= static_cast<std::size_t>(options.min_carried);
 }
 
-/// Whether a plane is the top of a thing on a table, not a board above it: most of its points,
+/// Whether a plane is the top of a thing on a table, not a board above it: some of its points,
 /// `top` of the cloud, stand on the table, and beneath them are the thing's sides. Under a board is
 /// air, seen from the side, whatever else stands there.
 bool isTopOfThing(const Cloud& cloud, const Indices& top, const Table& table,
@@ -321,7 +323,8 @@ bool isTopOfThing(const Cloud& cloud, const Indices& top, const Table& table,
     slice.from = std::min(slice.from, p.x() - static_cast<float>(SIDE_REACH));
     slice.to = std::max(slice.to, p.x() + static_cast<float>(SIDE_REACH));
   }
-  if (2 * standing < top.size()) return false;
+  if (static_cast<double>(standing) < MIN_OVER_SHARE * static_cast<double>(top.size()))
+    return false;
   height /= static_cast<double>(standing);
   if (height < MIN_CLEARANCE) return true;
 
@@ -339,10 +342,11 @@ bool isTopOfThing(const Cloud& cloud, const Indices& top, const Table& table,
   return static_cast<double>(sides) >= MIN_SIDE_SHARE * static_cast<double>(slices.size());
 }
 
-/// Whether a table stands over another, as over the floor: higher than things on it may be.
-bool isBelow(const Table& lower, const Table& upper, const TableOptions& options) {
-  const Eigen::Vector3f center = upper.T_camera_table.translation().cast<float>();
-  return heightAbove(lower, center) > options.max_height && isOver(lower, center);
+/// Whether a table about `center` stands over another one, as over the floor: higher than things on
+/// it may be. The nearest floor in view may begin behind the table, by about its height.
+bool isBelow(const Table& lower, const Eigen::Vector3f& center, const TableOptions& options) {
+  const double height = heightAbove(lower, center);
+  return height > options.max_height && isOver(lower, center, height);
 }
 
 /// Some points of a cloud with their normals: enough to see where it is flat.
@@ -401,8 +405,10 @@ class TableSearch {
       if (looked_at == options_.max_planes) return;
       // The largest is looked at even if it cannot be a table: then it is the reason.
       if (looked_at > 0 && !mayBeLevel(level.plane)) continue;
-      const double points = static_cast<double>(level.points.size() * cloud_.size());
-      if (!isLargeEnough(RIM_FACTOR * points / static_cast<double>(sample_.cloud.size()))) return;
+      const double points = RIM_FACTOR * static_cast<double>(level.points.size()) *
+                            static_cast<double>(cloud_.size()) /
+                            static_cast<double>(sample_.cloud.size());
+      if (!isLargeEnough(points, level.centroid.cast<float>())) continue;
       if (!isNoThing(sample_.cloud, level.points)) continue;
       ++looked_at;
       const double reach = std::clamp(3 * level.rms, options_.distance / 4, options_.distance);
@@ -422,7 +428,8 @@ class TableSearch {
       if (!drawn) break;
       const Indices near =
           tables_.empty() ? Indices() : pointsNearPlane(*looked_at, *drawn, options_.distance);
-      if (!isLargeEnough(static_cast<double>(near.size()))) break;
+      const double points = static_cast<double>(near.size());
+      if (!near.empty() && !isLargeEnough(points, centroidOf(pointsAt(*looked_at, near)))) break;
       const Eigen::Vector4d plane =
           isNoThing(*looked_at, near) ? lookAt(*looked_at, *drawn, options_.distance) : *drawn;
       rest = withoutPoints(*looked_at, pointsNearPlane(*looked_at, plane, options_.distance));
@@ -433,7 +440,7 @@ class TableSearch {
 
   Found<std::vector<Table>> result() && {
     if (!tables_.empty()) {
-      leadWithWhatStandsHighest();
+      if (tables_.size() > 1) dropFloors();
       return std::move(tables_);
     }
     if (!bare_) return Found<std::vector<Table>>::none(refusal_.empty() ? "no plane" : refusal_);
@@ -458,10 +465,13 @@ class TableSearch {
     return std::nullopt;
   }
 
-  /// Whether so many points, were they a table, are enough beside the largest table.
-  bool isLargeEnough(double points) const {
-    return tables_.empty() ||
-           points >= MIN_OTHER_SHARE * static_cast<double>(tables_.front().inliers.size());
+  /// Whether so many points about `center`, were they a table, are enough beside the largest table.
+  /// Above the floor it may be small.
+  bool isLargeEnough(double points, const Eigen::Vector3f& center) const {
+    if (tables_.empty()) return true;
+    const Table& largest = tables_.front();
+    return points >= MIN_OTHER_SHARE * static_cast<double>(largest.inliers.size()) ||
+           (points >= options_.min_points && isBelow(largest, center, options_));
   }
 
   /// Whether a plane through the given points of a cloud is not the top of a thing.
@@ -490,7 +500,7 @@ class TableSearch {
   /// Of a fair size, facing up as the largest does, and not a piece of a table before.
   bool isAnother(const Table& table) const {
     const double points = static_cast<double>(table.inliers.size());
-    if (!isLargeEnough(points)) return false;
+    if (!isLargeEnough(points, centerOf(table))) return false;
     if (!tables_.empty() && largestNormal().dot(table.plane.head<3>()) < 0) return false;
     return std::none_of(tables_.begin(), tables_.end(), [&](const Table& before) {
       Indices shared;
@@ -500,13 +510,19 @@ class TableSearch {
     });
   }
 
-  /// The first that does not lie below another one is the main table.
-  void leadWithWhatStandsHighest() {
-    const auto main = std::find_if(tables_.begin(), tables_.end(), [&](const Table& table) {
-      return std::none_of(tables_.begin(), tables_.end(),
-                          [&](const Table& other) { return isBelow(table, other, options_); });
-    });
-    if (main != tables_.end()) std::rotate(tables_.begin(), main, std::next(main));
+  /// What a table stands over is the floor.
+  void dropFloors() {
+    std::vector<Table> tables;
+    for (const auto& table : tables_)
+      if (std::none_of(tables_.begin(), tables_.end(), [&](const Table& other) {
+            return isBelow(table, centerOf(other), options_);
+          }))
+        tables.push_back(table);
+    tables_ = std::move(tables);
+  }
+
+  static Eigen::Vector3f centerOf(const Table& table) {
+    return table.T_camera_table.translation().cast<float>();
   }
 
   Eigen::Vector3d largestNormal() const { return tables_.front().plane.head<3>(); }
@@ -528,10 +544,10 @@ class TableSearch {
 
 }  // namespace
 
-bool isOver(const Table& table, const Eigen::Vector3f& point) {
+bool isOver(const Table& table, const Eigen::Vector3f& point, double margin) {
   const Eigen::Vector2f flat =
       (table.T_camera_table.inverse() * point.cast<double>()).head<2>().cast<float>();
-  return ConvexRegion(table.hull, 0).contains(flat.x(), flat.y());
+  return ConvexRegion(table.hull, margin).contains(flat.x(), flat.y());
 }
 
 std::vector<Eigen::Vector3d> hullInCamera(const Table& table) {
