@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include <Eigen/Geometry>
 
@@ -24,6 +25,21 @@ struct Observation {
 };
 
 Observation observe(const Cloud& scene, const std::optional<Table>& table);
+
+/// A scene of several tables: an observation with each of them, or a single one without any. Refers
+/// to the scene and the tables, which must outlive it.
+class Observations {
+ public:
+  /// `tables`: the main one first.
+  Observations(const Cloud& scene, const std::vector<Table>& tables);
+
+  /// With the table that a thing about `middle` stands on.
+  const Observation& about(const Eigen::Vector3f& middle) const;
+
+ private:
+  const std::vector<Table>& tables_;
+  std::vector<Observation> observations_;
+};
 
 /// How a model at a pose agrees with some points and with the whole picture.
 struct Agreement {

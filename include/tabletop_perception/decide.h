@@ -48,10 +48,11 @@ Surface sampleCluster(const Cloud& scene, const Indices& cluster, const Descript
 /// to the limits the ones are kept that explain most points best, no point twice. What an object
 /// leaves over of its clusters is matched once more, for a cluster may hold several things. A
 /// cluster that nothing explains is "unknown", with its box and the reason. In the order of the
-/// labels.
+/// labels. `tables`: all, the main one first; each thing is verified against the one that it stands
+/// on.
 std::vector<SceneObject> decideObjects(const Cloud& scene, const std::vector<Indices>& clusters,
                                        const std::vector<Proposal>& proposals,
-                                       const std::optional<Table>& table, const ModelIndex& index,
+                                       const std::vector<Table>& tables, const ModelIndex& index,
                                        const MatchOptions& match, const RefineOptions& refine,
                                        const VerifyOptions& verify);
 

@@ -53,13 +53,15 @@ PipelineOptions readPipelineOptions(const std::string& yaml_file);
 
 /// The table and what stands on it, before any recognition.
 struct Segmentation {
-  Cloud filtered;  ///< the cloud that the labels belong to
-  std::optional<Table> table;
+  Cloud filtered;              ///< the cloud that the labels belong to
+  std::optional<Table> table;  ///< the main one
+  std::vector<Table> other_tables;
   std::vector<Indices> clusters;           ///< points of `filtered`, largest first
   std::string reason;                      ///< why there is no table or nothing on it
   std::map<std::string, double> times_ms;  ///< per stage, and "total"
 
   std::vector<std::uint32_t> labels() const;  ///< one per point of `filtered`
+  std::vector<Table> tables() const;          ///< all, the main one first
 };
 
 /// Segmentation and an object for each cluster, in the order of the clusters.
@@ -76,7 +78,7 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
 /// The generous half of recognition: every cluster, and every union of clusters that touch, matched
 /// against the database. `scene`: the cloud that the clusters' points belong to.
 std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indices>& clusters,
-                                     const std::optional<Table>& table, const ModelIndex& index,
+                                     const std::vector<Table>& tables, const ModelIndex& index,
                                      const MatchOptions& options);
 
 /// The whole pipeline in one call.

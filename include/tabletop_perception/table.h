@@ -67,6 +67,9 @@ inline double heightAbove(const Table& table, const Eigen::Vector3f& point) {
   return table.plane.head<3>().dot(point.cast<double>()) + table.plane[3];
 }
 
+/// Whether a point lies over the table's hull or a margin about it [m], at any height.
+bool isOver(const Table& table, const Eigen::Vector3f& point, double margin);
+
 /// The hull's corners in the camera's frame [m].
 std::vector<Eigen::Vector3d> hullInCamera(const Table& table);
 
@@ -74,21 +77,30 @@ std::vector<Eigen::Vector3d> hullInCamera(const Table& table);
 /// by RANSAC over a sample; least squares over all their points. A plane that the normals of its
 /// points do not bear out is a cut through clutter and no table. `up`: unit direction against
 /// gravity in the cloud's frame, if it is known; then only planes seen from above, within
-/// `max_tilt_deg` of it (and in the height band) count. Those that carry something come largest
-/// first; if none does, the largest plane alone, with the reason "nothing stands on it". Never an
-/// empty vector.
+/// `max_tilt_deg` of it (and in the height band) count. The main table is the largest that carries
+/// something, but one that another stands over, higher than `max_height`, is a floor and none.
+/// Others follow by size: each carries something, is level with the largest to within 10 deg, has
+/// at least a quarter of its points or stands over it, and is not the top of a thing on a table.
+/// If no plane carries anything, the largest alone, with the reason "nothing stands on it". Never
+/// an empty vector.
 Found<std::vector<Table>> findTables(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                                      const TableOptions& options);
 
-/// The first of them, without looking for the others.
+/// The main one of them.
 Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                        const TableOptions& options);
 
-/// What stands on the table: points above its hull, from `min_height` to `max_height`. The cloud's
-/// grid stays; the rest is dropped.
-Cloud pointsOnTable(const Cloud& cloud, const Table& table, const TableOptions& options);
+/// What stands on any of the tables: of `cloud` those points, the grid kept, the rest dropped.
+/// Boards above others are no things: their points, and those of their edges, are dropped.
+Cloud pointsOnTables(const Cloud& cloud, const std::vector<Table>& tables,
+                     const TableOptions& options);
 
 /// The same points, not copied.
-Indices indicesOnTable(const Cloud& cloud, const Table& table, const TableOptions& options);
+Indices indicesOnTables(const Cloud& cloud, const std::vector<Table>& tables,
+                        const TableOptions& options);
+
+/// The index of the table that a thing about `middle` stands on: of those below it the nearest,
+/// else the main one, 0.
+std::size_t tableUnder(const std::vector<Table>& tables, const Eigen::Vector3f& middle);
 
 }  // namespace tabletop_perception

@@ -103,6 +103,19 @@ Observation observe(const Cloud& scene, const std::optional<Table>& table) {
   return observation;
 }
 
+Observations::Observations(const Cloud& scene, const std::vector<Table>& tables) : tables_(tables) {
+  Observation observation = observe(scene, std::nullopt);
+  if (tables.empty()) observations_.push_back(observation);
+  for (const auto& table : tables) {
+    observation.table = &table;
+    observations_.push_back(observation);
+  }
+}
+
+const Observation& Observations::about(const Eigen::Vector3f& middle) const {
+  return observations_[tables_.empty() ? 0 : tableUnder(tables_, middle)];
+}
+
 double Agreement::score(double tolerance) const {
   const double seen = visible + violation;
   const double misfit = fitness / tolerance;

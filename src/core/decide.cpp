@@ -74,6 +74,13 @@ void append(const Surface& from, std::size_t i, Surface& to) {
   to.normals.push_back(from.normals[i]);
 }
 
+Eigen::Vector3f middleOf(const std::vector<Surface>& parts) {
+  std::vector<Eigen::Vector3f> points;
+  for (const auto& part : parts)
+    points.insert(points.end(), part.points.begin(), part.points.end());
+  return centroidOf(points);
+}
+
 /// A candidate after ICP, and what the camera says about it.
 struct Hypothesis {
   int model;
@@ -99,16 +106,16 @@ struct Fit {
 class Decision {
  public:
   Decision(const Cloud& scene, const std::vector<Indices>& clusters,
-           const std::optional<Table>& table, const ModelIndex& index, const MatchOptions& match,
+           const std::vector<Table>& tables, const ModelIndex& index, const MatchOptions& match,
            const RefineOptions& refine, const VerifyOptions& verify)
       : scene_(scene),
         clusters_(clusters),
-        table_(table),
+        tables_(tables),
         index_(index),
         match_(match),
         refine_(refine),
         verify_(verify),
-        observation_(observe(scene, table)),
+        observations_(scene, tables),
         standing_(scene, clusters, index.descriptorOptions()),
         taken_(noMarks(standing_)),
         reasons_(clusters.size()) {}
@@ -196,7 +203,8 @@ class Decision {
         }
         if (!rest.empty()) parts.push_back(std::move(rest));
       }
-      const auto candidates = matchCluster(all, observation_, index_, match_);
+      const auto candidates =
+          matchCluster(all, observations_.about(centroidOf(all.points)), index_, match_);
       if (candidates) judgeCandidates(*candidates, parts);
     }
   }
@@ -207,7 +215,7 @@ class Decision {
       for (const auto& marks : undecided_) decided -= shareOfCluster(marks, k);
       if (decided >= TAKEN_SHARE) continue;
       objects_.push_back(
-          unknownObject(scene_, clusters_[k], static_cast<std::uint32_t>(k) + 2, table_));
+          unknownObject(scene_, clusters_[k], static_cast<std::uint32_t>(k) + 2, mainTable()));
       objects_.back().reason = reasons_[k].empty() ? "part of several things" : reasons_[k];
     }
     std::stable_sort(objects_.begin(), objects_.end(), [](const auto& a, const auto& b) {
@@ -225,6 +233,7 @@ class Decision {
   /// Adds a hypothesis for each candidate that ICP holds on to; why the best one is refused.
   std::string judgeCandidates(const std::vector<Candidate>& candidates,
                               const std::vector<Surface>& parts) {
+    const Observation& observation = observations_.about(middleOf(parts));
     std::string reason;
     double best_score = -1;
     for (const auto& candidate : candidates) {
@@ -244,7 +253,7 @@ class Decision {
       Hypothesis hypothesis{
           model,
           alignment->T_camera_object,
-          verifyPose(index_, model, alignment->T_camera_object, parts, observation_, verify_),
+          verifyPose(index_, model, alignment->T_camera_object, parts, observation, verify_),
           {},
           0};
       if (hypothesis.verification.score > best_score) {
@@ -324,17 +333,19 @@ class Decision {
     }
     fit.mean_square = sum / static_cast<double>(points.size());
     fit.correlation = std::clamp(neighbors / std::max(sum, 1e-12), 0.0, 0.99);
-    fit.contact_cost = contactCost(model, fit.T_camera_object);
+    if (!tables_.empty())
+      fit.contact_cost = contactCost(model, fit.T_camera_object,
+                                     tables_[tableUnder(tables_, centroidOf(points.points))]);
     return fit;
   }
 
   /// How unlikely it is that an object stands on the table like this: negative log likelihood.
-  double contactCost(int model, const Eigen::Isometry3d& T_camera_object) const {
-    if (!table_) return 0;
+  double contactCost(int model, const Eigen::Isometry3d& T_camera_object,
+                     const Table& table) const {
     const Eigen::Isometry3f T = T_camera_object.cast<float>();
     double lowest = std::numeric_limits<double>::infinity();
     for (const auto& p : index_.models()[model].surface.points)
-      lowest = std::min(lowest, heightAbove(*table_, T * p));
+      lowest = std::min(lowest, heightAbove(table, T * p));
     const double gap = std::min(std::abs(lowest), MAX_CONTACT_GAP) / CONTACT_NOISE;
     return gap * gap / 2;
   }
@@ -432,19 +443,24 @@ class Decision {
     }
   }
 
+  std::optional<Table> mainTable() const {
+    if (tables_.empty()) return std::nullopt;
+    return tables_.front();
+  }
+
   std::optional<Eigen::Vector3d> up() const {
-    if (!table_) return std::nullopt;
-    return table_->plane.head<3>();
+    if (tables_.empty()) return std::nullopt;
+    return tables_.front().plane.head<3>();
   }
 
   const Cloud& scene_;
   const std::vector<Indices>& clusters_;
-  const std::optional<Table>& table_;
+  const std::vector<Table>& tables_;
   const ModelIndex& index_;
   const MatchOptions& match_;
   const RefineOptions& refine_;
   const VerifyOptions& verify_;
-  Observation observation_;
+  Observations observations_;
   Standing standing_;
   std::vector<Hypothesis> hypotheses_;
   Marks taken_;                       ///< points of objects, known or undecided
@@ -475,10 +491,10 @@ Surface sampleCluster(const Cloud& scene, const Indices& cluster,
 
 std::vector<SceneObject> decideObjects(const Cloud& scene, const std::vector<Indices>& clusters,
                                        const std::vector<Proposal>& proposals,
-                                       const std::optional<Table>& table, const ModelIndex& index,
+                                       const std::vector<Table>& tables, const ModelIndex& index,
                                        const MatchOptions& match, const RefineOptions& refine,
                                        const VerifyOptions& verify) {
-  Decision decision(scene, clusters, table, index, match, refine, verify);
+  Decision decision(scene, clusters, tables, index, match, refine, verify);
   for (const auto& proposal : proposals) decision.judge(proposal);
   decision.choose();
   decision.judgeRest(proposals);

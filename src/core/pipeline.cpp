@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <iterator>
 #include <stdexcept>
 
 #include "tabletop_perception/normals.h"
@@ -71,7 +72,16 @@ PipelineOptions readPipelineOptions(const std::string& yaml_file) {
 }
 
 std::vector<std::uint32_t> Segmentation::labels() const {
-  return labelsOf(filtered.size(), table ? table->inliers : Indices{}, clusters);
+  Indices on_tables = table ? table->inliers : Indices{};
+  for (const auto& other : other_tables)
+    on_tables.insert(on_tables.end(), other.inliers.begin(), other.inliers.end());
+  return labelsOf(filtered.size(), on_tables, clusters);
+}
+
+std::vector<Table> Segmentation::tables() const {
+  std::vector<Table> all = other_tables;
+  if (table) all.insert(all.begin(), *table);
+  return all;
 }
 
 Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
@@ -81,13 +91,15 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
   result.filtered = filterCloud(cloud, options.filter);
   watch.lap("filter");
 
-  auto table = findTable(result.filtered, up, options.table);
+  auto tables = findTables(result.filtered, up, options.table);
   watch.lap("table");
-  result.reason = table.reason;
-  if (!table) return result;
-  result.table = std::move(table.value);
+  result.reason = tables.reason;
+  if (!tables) return result;
+  const Indices standing = indicesOnTables(result.filtered, *tables, options.table);
+  result.table = std::move(tables.value->front());
+  result.other_tables.assign(std::make_move_iterator(tables.value->begin() + 1),
+                             std::make_move_iterator(tables.value->end()));
 
-  const Indices standing = indicesOnTable(result.filtered, *result.table, options.table);
   result.clusters = extractClusters(result.filtered, standing, options.cluster);
   watch.lap("cluster");
   result.clusters = splitClusters(result.filtered, result.clusters, options.split);
@@ -99,13 +111,14 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
 }
 
 std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indices>& clusters,
-                                     const std::optional<Table>& table, const ModelIndex& index,
+                                     const std::vector<Table>& tables, const ModelIndex& index,
                                      const MatchOptions& options) {
-  const Observation observation = observe(scene, table);
+  const Observations observations(scene, tables);
   std::vector<Proposal> proposals;
   for (const auto& members : clusterUnions(scene, clusters, options.union_gap)) {
     const Surface sample =
         sampleCluster(scene, pointsOf(clusters, members), index.descriptorOptions());
+    const Observation& observation = observations.about(centroidOf(sample.points));
     proposals.push_back(
         {labelsOfMembers(members), matchCluster(sample, observation, index, options)});
   }
@@ -118,10 +131,12 @@ Recognition recognizeScene(const Cloud& cloud, const std::optional<Eigen::Vector
   result.segmentation = segmentScene(cloud, up, options);
   result.times_ms = result.segmentation.times_ms;
   StopWatch watch(result.times_ms);
-  const auto& [scene, table, clusters, reason, times] = result.segmentation;
-  const auto proposals = proposeObjects(scene, clusters, table, index, options.match);
+  const Cloud& scene = result.segmentation.filtered;
+  const auto& clusters = result.segmentation.clusters;
+  const auto tables = result.segmentation.tables();
+  const auto proposals = proposeObjects(scene, clusters, tables, index, options.match);
   watch.lap("match");
-  result.objects = decideObjects(scene, clusters, proposals, table, index, options.match,
+  result.objects = decideObjects(scene, clusters, proposals, tables, index, options.match,
                                  options.refine, options.verify);
   watch.lap("refine");
   return result;

@@ -7,29 +7,41 @@
 #include <cstdint>
 #include <cstdio>
 #include <iterator>
+#include <limits>
+#include <map>
 
 #include <opencv2/imgproc.hpp>
 
 #include "convex_hull.h"
 #include "plane_fit.h"
 #include "plane_raster.h"
+#include "tabletop_perception/geometry.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/planes.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr int SAMPLE_SIZE = 1000;         // points that a plane is fitted to at first
-constexpr int NORMAL_SAMPLE_SIZE = 1500;  // points of an unorganised cloud that have normals
-constexpr int COARSE_COLUMNS = 160;       // of the grid on which planes are connected
-constexpr double LEVEL_COSINE = 0.996;    // of 5 deg: pieces of one level tilt alike
-constexpr double COARSE_TILT_DEG = 2;     // of a plane on that grid from that of all points [deg]
-constexpr double MAX_SHARED = 0.25;       // of a table's points with one before it
-constexpr double MIN_OTHER_SHARE = 0.25;  // of the main table's points, for another one
-constexpr double PATCH_CELL = 0.02;       // raster in which a patch of table is connected [m]
-constexpr int PATCH_GAP = 2;              // cells without points that a patch may span
-constexpr double MIN_PATCH_SHARE = 0.05;  // of the largest patch: smaller ones are chance
-constexpr int MAX_CELLS = 2000;           // along one side of the raster
+constexpr int SAMPLE_SIZE = 1000;          // points that a plane is fitted to at first
+constexpr int NORMAL_SAMPLE_SIZE = 1500;   // points of an unorganised cloud that have normals
+constexpr int COARSE_COLUMNS = 160;        // of the grid on which planes are connected
+constexpr double LEVEL_COSINE = 0.996;     // of 5 deg: pieces of one level tilt alike
+constexpr double COARSE_TILT_DEG = 2;      // of a plane on that grid from that of all points [deg]
+constexpr double MAX_SHARED = 0.25;        // of a table's points with one before it
+constexpr double MIN_OTHER_SHARE = 0.25;   // of the largest table's points, for another one
+constexpr double RIM_FACTOR = 2;           // coarse planes lack their rims: at most half of them
+constexpr double MAX_OTHER_TILT_DEG = 10;  // of another table from the largest [deg]
+constexpr double MIN_OVER_SHARE = 0.25;    // of a thing's top: things hide their table
+constexpr double MIN_CLEARANCE = 0.1;      // under a board, above another one: lower is a thing [m]
+constexpr double BOARD_THICKNESS = 0.04;   // of a table: so far below its surface it is itself [m]
+constexpr double EDGE_REACH = 0.01;        // how far outside the hull a board's edges may lie [m]
+constexpr double SIDE_CELL = 0.02;         // raster in which a thing's sides are looked for [m]
+constexpr double SIDE_REACH = 0.03;        // how far from the outline of its top they may lie [m]
+constexpr double MIN_SIDE_SHARE = 0.3;     // of the outline with sides below: the top of a thing
+constexpr double PATCH_CELL = 0.02;        // raster in which a patch of table is connected [m]
+constexpr int PATCH_GAP = 2;               // cells without points that a patch may span
+constexpr double MIN_PATCH_SHARE = 0.05;   // of the largest patch: smaller ones are chance
+constexpr int MAX_CELLS = 2000;            // along one side of the raster
 constexpr double HULL_SLACK = 0.005;  // the hull's own corners lie on the table, noise or not [m]
 constexpr std::size_t CARRIED_STEP = 7;  // every so manieth point tells whether a table is bare
 
@@ -179,6 +191,8 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Cloud& sample, const Eigen::
   return table;
 }
 
+double cosineOf(double degrees) { return std::cos(degrees * M_PI / 180); }
+
 /// Angle between a plane's normal and up [deg].
 double tiltOf(const Eigen::Vector4d& plane, const Eigen::Vector3d& up) {
   return std::acos(std::clamp(plane.head<3>().dot(up), -1.0, 1.0)) * 180 / M_PI;
@@ -207,15 +221,15 @@ std::string refusal(const Table& table, double agreement, const std::optional<Ei
   return "";
 }
 
-/// Tells which points stand on a table.
-class StandingTest {
+/// Tells which points lie at some height over a table's hull, or a margin about it [m].
+class ColumnTest {
  public:
-  StandingTest(const Table& table, const TableOptions& options)
+  ColumnTest(const Table& table, double low, double high, double margin)
       : plane_(table.plane.cast<float>()),
-        low_(static_cast<float>(options.min_height)),
-        high_(static_cast<float>(options.max_height)),
+        low_(static_cast<float>(low)),
+        high_(static_cast<float>(high)),
         flatten_(table.T_camera_table),
-        region_(table.hull, options.hull_margin) {}
+        region_(table.hull, margin) {}
 
   bool operator()(const Cloud& cloud, std::size_t i) const {
     const float height =
@@ -232,14 +246,91 @@ class StandingTest {
   ConvexRegion region_;
 };
 
+/// Tells which points stand on a table.
+ColumnTest standingTest(const Table& table, const TableOptions& options) {
+  return {table, options.min_height, options.max_height, options.hull_margin};
+}
+
+/// Heights over a table, and a margin about its hull [m].
+struct Column {
+  double low, high, margin;
+};
+
+/// All points that lie in a column over a table.
+Indices pointsOver(const Cloud& cloud, const Table& table, const Column& column) {
+  const Flattener flatten(table.T_camera_table);
+  const ConvexRegion region(table.hull, column.margin);
+  Indices over = pointsBetween(cloud, table.plane, column.low, column.high);
+  std::size_t count = 0;
+  for (const int i : over) {
+    const Eigen::Vector2f p = flatten(cloud, i);
+    over[count] = i;  // kept only if the next line counts it
+    count += region.contains(p.x(), p.y());
+  }
+  over.resize(count);
+  return over;
+}
+
 bool carriesSomething(const Cloud& cloud, const Table& table, const TableOptions& options) {
-  const StandingTest stands(table, options);
+  const ColumnTest stands = standingTest(table, options);
   std::size_t carried = 0;
   for (std::size_t i = 0; i < cloud.size(); i += CARRIED_STEP) {
     carried += stands(cloud, i);
     if (carried * CARRIED_STEP >= static_cast<std::size_t>(options.min_carried)) return true;
   }
   return false;
+}
+
+/// Whether a plane is the top of a thing on a table, not a board above it: some of its points,
+/// `top` of the cloud, stand on the table, and beneath them are the thing's sides. Under a board is
+/// air, seen from the side, whatever else stands there.
+bool isTopOfThing(const Cloud& cloud, const Indices& top, const Table& table,
+                  const TableOptions& options) {
+  const ColumnTest stands = standingTest(table, options);
+  const Flattener flatten(table.T_camera_table);
+  struct Extent {
+    float from = std::numeric_limits<float>::infinity(), to = -from;
+    bool has_side = false;
+  };
+  std::map<int, Extent> slices;  // of the top, across the camera's forward direction
+  const auto sliceOf = [](const Eigen::Vector2f& p) {
+    return static_cast<int>(std::floor(p.y() / static_cast<float>(SIDE_CELL)));
+  };
+  std::size_t standing = 0;
+  double height = 0;
+  for (const int i : top) {
+    if (!stands(cloud, i)) continue;
+    ++standing;
+    height += heightAbove(table, cloud.point(i));
+    const Eigen::Vector2f p = flatten(cloud, i);
+    Extent& slice = slices[sliceOf(p)];
+    slice.from = std::min(slice.from, p.x() - static_cast<float>(SIDE_REACH));
+    slice.to = std::max(slice.to, p.x() + static_cast<float>(SIDE_REACH));
+  }
+  if (static_cast<double>(standing) < MIN_OVER_SHARE * static_cast<double>(top.size()))
+    return false;
+  height /= static_cast<double>(standing);
+  if (height < MIN_CLEARANCE) return true;
+
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (!stands(cloud, i)) continue;
+    const double below = height - heightAbove(table, cloud.point(i));
+    if (below < BOARD_THICKNESS || below > height / 2) continue;
+    const Eigen::Vector2f p = flatten(cloud, i);
+    const auto slice = slices.find(sliceOf(p));
+    if (slice != slices.end() && p.x() >= slice->second.from && p.x() <= slice->second.to)
+      slice->second.has_side = true;
+  }
+  const auto sides = std::count_if(slices.begin(), slices.end(),
+                                   [](const auto& slice) { return slice.second.has_side; });
+  return static_cast<double>(sides) >= MIN_SIDE_SHARE * static_cast<double>(slices.size());
+}
+
+/// Whether a table about `center` stands over another one, as over the floor: higher than things on
+/// it may be. The nearest floor in view may begin behind the table, by about its height.
+bool isBelow(const Table& lower, const Eigen::Vector3f& center, const TableOptions& options) {
+  const double height = heightAbove(lower, center);
+  return height > options.max_height && isOver(lower, center, height);
 }
 
 /// Some points of a cloud with their normals: enough to see where it is flat.
@@ -284,11 +375,10 @@ std::vector<Plane> levelsOf(const Cloud& cloud, const std::vector<Plane>& planes
 class TableSearch {
  public:
   TableSearch(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
-              const TableOptions& options, std::size_t most)
+              const TableOptions& options)
       : cloud_(cloud),
         up_(up),
         options_(options),
-        most_(most),
         sample_(cloud),
         forward_(forwardOf(sample_.cloud)) {}
 
@@ -296,9 +386,14 @@ class TableSearch {
     const auto planes = findPlanes(sample_.cloud, sample_.normals, PlaneOptions());
     int looked_at = 0;
     for (const auto& level : levelsOf(sample_.cloud, planes, options_.level_gap)) {
-      if (looked_at == options_.max_planes || done()) return;
+      if (looked_at == options_.max_planes) return;
       // The largest is looked at even if it cannot be a table: then it is the reason.
       if (looked_at > 0 && !mayBeLevel(level.plane)) continue;
+      const double points = RIM_FACTOR * static_cast<double>(level.points.size()) *
+                            static_cast<double>(cloud_.size()) /
+                            static_cast<double>(sample_.cloud.size());
+      if (!isLargeEnough(points, level.centroid.cast<float>())) continue;
+      if (!isNoThing(sample_.cloud, level.points)) continue;
       ++looked_at;
       const double reach = std::clamp(3 * level.rms, options_.distance / 4, options_.distance);
       lookAt(cloud_, sample_.cloud, level.plane, reach);
@@ -306,22 +401,26 @@ class TableSearch {
   }
 
   void byDrawing() {
-    std::optional<PlaneConstraint> level;
-    if (up_) level = PlaneConstraint{*up_, std::cos(options_.max_tilt_deg * M_PI / 180)};
     Cloud rest = cloud_;  // what the planes before leave over: no point belongs to two
     for (int i = 0; i < options_.max_planes; ++i) {
       // The first plane is found without regard to up: if no table is found, it is the reason.
-      const auto plane = findLargestPlane(rest, options_.distance, i == 0 ? std::nullopt : level,
-                                          static_cast<std::uint32_t>(options_.seed + i));
+      const auto plane =
+          findLargestPlane(rest, options_.distance, i == 0 ? std::nullopt : levelPlanes(),
+                           static_cast<std::uint32_t>(options_.seed + i));
       if (!plane) return;
-      lookAt(rest, samplePoints(rest, SAMPLE_SIZE), plane->plane, options_.distance);
-      if (done()) return;
+      if (!isLargeEnough(static_cast<double>(plane->points.size()), plane->centroid.cast<float>()))
+        return;
+      if (isNoThing(rest, plane->points))
+        lookAt(rest, samplePoints(rest, SAMPLE_SIZE), plane->plane, options_.distance);
       for (const int point : plane->points) rest.drop(point);
     }
   }
 
   Found<std::vector<Table>> result() && {
-    if (!tables_.empty()) return std::move(tables_);
+    if (!tables_.empty()) {
+      if (tables_.size() > 1) dropFloors();
+      return std::move(tables_);
+    }
     if (!bare_) return Found<std::vector<Table>>::none(refusal_.empty() ? "no plane" : refusal_);
     Found<std::vector<Table>> found({std::move(*bare_)});
     found.reason = "nothing stands on it";
@@ -329,13 +428,35 @@ class TableSearch {
   }
 
  private:
-  bool done() const { return tables_.size() == most_; }
-
   /// A coarse plane tilts a little otherwise than that of all points.
   bool mayBeLevel(const Eigen::Vector4d& plane) const {
+    if (!tables_.empty()) return tiltOf(plane, largestNormal()) <= MAX_OTHER_TILT_DEG;
     if (!up_) return true;
     const double tilt = tiltOf(plane, *up_);
     return std::min(tilt, 180 - tilt) <= options_.max_tilt_deg + COARSE_TILT_DEG;
+  }
+
+  /// What is to be drawn after the first plane.
+  std::optional<PlaneConstraint> levelPlanes() const {
+    if (!tables_.empty()) return PlaneConstraint{largestNormal(), cosineOf(MAX_OTHER_TILT_DEG)};
+    if (up_) return PlaneConstraint{*up_, cosineOf(options_.max_tilt_deg)};
+    return std::nullopt;
+  }
+
+  /// Whether so many points about `center`, were they a table, are enough beside the largest table.
+  /// Above the floor it may be small.
+  bool isLargeEnough(double points, const Eigen::Vector3f& center) const {
+    if (tables_.empty()) return true;
+    const Table& largest = tables_.front();
+    return points >= MIN_OTHER_SHARE * static_cast<double>(largest.inliers.size()) ||
+           (points >= options_.min_points && isBelow(largest, center, options_));
+  }
+
+  /// Whether a plane through the given points of a cloud is not the top of a thing.
+  bool isNoThing(const Cloud& cloud, const Indices& points) const {
+    return std::none_of(tables_.begin(), tables_.end(), [&](const Table& table) {
+      return isTopOfThing(cloud, points, table, options_);
+    });
   }
 
   void lookAt(const Cloud& cloud, const Cloud& sample, const Eigen::Vector4d& plane, double reach) {
@@ -351,10 +472,11 @@ class TableSearch {
     }
   }
 
-  /// Not a piece of a table before, nor the lid of a thing on it.
+  /// Of a fair size, facing up as the largest does, and not a piece of a table before.
   bool isAnother(const Table& table) const {
     const double points = static_cast<double>(table.inliers.size());
-    if (!tables_.empty() && points < MIN_OTHER_SHARE * tables_.front().inliers.size()) return false;
+    if (!isLargeEnough(points, centerOf(table))) return false;
+    if (!tables_.empty() && largestNormal().dot(table.plane.head<3>()) < 0) return false;
     return std::none_of(tables_.begin(), tables_.end(), [&](const Table& before) {
       Indices shared;
       std::set_intersection(before.inliers.begin(), before.inliers.end(), table.inliers.begin(),
@@ -362,6 +484,23 @@ class TableSearch {
       return shared.size() > MAX_SHARED * points;
     });
   }
+
+  /// What a table stands over is the floor.
+  void dropFloors() {
+    std::vector<Table> tables;
+    for (const auto& table : tables_)
+      if (std::none_of(tables_.begin(), tables_.end(), [&](const Table& other) {
+            return isBelow(table, centerOf(other), options_);
+          }))
+        tables.push_back(table);
+    tables_ = std::move(tables);
+  }
+
+  static Eigen::Vector3f centerOf(const Table& table) {
+    return table.T_camera_table.translation().cast<float>();
+  }
+
+  Eigen::Vector3d largestNormal() const { return tables_.front().plane.head<3>(); }
 
   double agreementOf(const Table& table) const {
     const Indices near = pointsNearPlane(sample_.cloud, table.plane, options_.distance);
@@ -371,7 +510,6 @@ class TableSearch {
   const Cloud& cloud_;
   const std::optional<Eigen::Vector3d>& up_;
   const TableOptions& options_;
-  std::size_t most_;
   NormalSample sample_;
   Eigen::Vector3d forward_;
   std::vector<Table> tables_;
@@ -379,20 +517,13 @@ class TableSearch {
   std::string refusal_;        // of the largest
 };
 
-Found<std::vector<Table>> tablesOf(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
-                                   const TableOptions& options, std::size_t most) {
-  checkOptions("table", options);
-  if (std::all_of(cloud.x.begin(), cloud.x.end(), [](float x) { return std::isnan(x); }))
-    return Found<std::vector<Table>>::none("the cloud has no valid point");
-  TableSearch search(cloud, up, options, most);
-  if (options.method == "components" && cloud.organized())
-    search.amongComponents();
-  else
-    search.byDrawing();
-  return std::move(search).result();
-}
-
 }  // namespace
+
+bool isOver(const Table& table, const Eigen::Vector3f& point, double margin) {
+  const Eigen::Vector2f flat =
+      (table.T_camera_table.inverse() * point.cast<double>()).head<2>().cast<float>();
+  return ConvexRegion(table.hull, margin).contains(flat.x(), flat.y());
+}
 
 std::vector<Eigen::Vector3d> hullInCamera(const Table& table) {
   std::vector<Eigen::Vector3d> corners;
@@ -403,34 +534,61 @@ std::vector<Eigen::Vector3d> hullInCamera(const Table& table) {
 
 Found<std::vector<Table>> findTables(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                                      const TableOptions& options) {
-  return tablesOf(cloud, up, options, options.max_planes);
+  checkOptions("table", options);
+  if (std::all_of(cloud.x.begin(), cloud.x.end(), [](float x) { return std::isnan(x); }))
+    return Found<std::vector<Table>>::none("the cloud has no valid point");
+  TableSearch search(cloud, up, options);
+  if (options.method == "components" && cloud.organized())
+    search.amongComponents();
+  else
+    search.byDrawing();
+  return std::move(search).result();
 }
 
 Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                        const TableOptions& options) {
-  auto tables = tablesOf(cloud, up, options, 1);
+  auto tables = findTables(cloud, up, options);
   if (!tables) return Found<Table>::none(tables.reason);
   Found<Table> found(std::move(tables.value->front()));
   found.reason = tables.reason;
   return found;
 }
 
-Cloud pointsOnTable(const Cloud& cloud, const Table& table, const TableOptions& options) {
-  return keepPoints(cloud, indicesOnTable(cloud, table, options));
+Cloud pointsOnTables(const Cloud& cloud, const std::vector<Table>& tables,
+                     const TableOptions& options) {
+  return keepPoints(cloud, indicesOnTables(cloud, tables, options));
 }
 
-Indices indicesOnTable(const Cloud& cloud, const Table& table, const TableOptions& options) {
-  const Flattener flatten(table.T_camera_table);
-  const ConvexRegion region(table.hull, options.hull_margin);
-  Indices standing = pointsBetween(cloud, table.plane, options.min_height, options.max_height);
-  std::size_t count = 0;
-  for (const int i : standing) {
-    const Eigen::Vector2f p = flatten(cloud, i);
-    standing[count] = i;  // kept only if the next line counts it
-    count += region.contains(p.x(), p.y());
-  }
-  standing.resize(count);
+Indices indicesOnTables(const Cloud& cloud, const std::vector<Table>& tables,
+                        const TableOptions& options) {
+  const auto standingOn = [&](const Table& table) {
+    return pointsOver(cloud, table, {options.min_height, options.max_height, options.hull_margin});
+  };
+  if (tables.empty()) return {};
+  if (tables.size() == 1) return standingOn(tables.front());
+
+  std::vector<bool> stands(cloud.size(), false);
+  for (const auto& table : tables)
+    for (const int i : standingOn(table)) stands[i] = true;
+  for (const auto& table : tables)
+    for (const int i : pointsOver(cloud, table, {-BOARD_THICKNESS, options.min_height, EDGE_REACH}))
+      stands[i] = false;
+  Indices standing;
+  for (std::size_t i = 0; i < stands.size(); ++i)
+    if (stands[i]) standing.push_back(static_cast<int>(i));
   return standing;
+}
+
+std::size_t tableUnder(const std::vector<Table>& tables, const Eigen::Vector3f& middle) {
+  std::size_t under = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t t = 0; t < tables.size(); ++t) {
+    const double height = heightAbove(tables[t], middle);
+    if (height < 0 || height >= least || !isOver(tables[t], middle, 0)) continue;
+    under = t;
+    least = height;
+  }
+  return under;
 }
 
 }  // namespace tabletop_perception

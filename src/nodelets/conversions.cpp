@@ -49,6 +49,20 @@ void writeField(sensor_msgs::PointCloud2& message, std::uint32_t offset,
   }
 }
 
+TableMessage filledMessage(const Table& table, const std::string& reason,
+                           const std_msgs::Header& header) {
+  TableMessage message;
+  message.header = header;
+  message.found = true;
+  message.reason = reason;
+  std::copy_n(table.plane.data(), 4, message.plane.begin());
+  message.pose = messageFromPose(table.T_camera_table);
+  for (const auto& corner : hullInCamera(table)) message.hull.push_back(messageFromPoint(corner));
+  message.inliers = table.inliers.size();
+  message.rms = table.rms;
+  return message;
+}
+
 }  // namespace
 
 Cloud cloudFromMessage(const sensor_msgs::PointCloud2& message) {
@@ -127,32 +141,41 @@ geometry_msgs::TransformStamped transformMessage(const geometry_msgs::Pose& pose
   return message;
 }
 
-TableMessagePtr messageFromTable(const Found<Table>& table, const std_msgs::Header& header) {
+TableMessagePtr messageFromTable(const Found<std::vector<Table>>& tables,
+                                 const std_msgs::Header& header) {
+  if (tables)
+    return boost::make_shared<TableMessage>(filledMessage(tables->front(), tables.reason, header));
   auto message = boost::make_shared<TableMessage>();
   message->header = header;
-  message->reason = table.reason;
+  message->reason = tables.reason;
   message->pose.orientation.w = 1;
-  if (!table) return message;
-
-  message->found = true;
-  std::copy_n(table->plane.data(), 4, message->plane.begin());
-  message->pose = messageFromPose(table->T_camera_table);
-  for (const auto& corner : hullInCamera(*table)) message->hull.push_back(messageFromPoint(corner));
-  message->inliers = table->inliers.size();
-  message->rms = table->rms;
   return message;
 }
 
-std::optional<Table> tableFromMessage(const TableMessage& message) {
-  if (!message.found) return std::nullopt;
-  Table table;
-  std::copy_n(message.plane.begin(), 4, table.plane.data());
-  table.T_camera_table = poseFromMessage(message.pose);
-  const Eigen::Isometry3d T_table_camera = table.T_camera_table.inverse();
-  for (const auto& corner : message.hull)
-    table.hull.push_back((T_table_camera * pointFromMessage(corner)).head<2>());
-  table.rms = message.rms;
-  return table;
+TableArrayPtr messageFromTables(const Found<std::vector<Table>>& tables,
+                                const std_msgs::Header& header) {
+  auto message = boost::make_shared<TableArray>();
+  message->header = header;
+  message->reason = tables.reason;
+  if (tables)
+    for (const auto& table : *tables)
+      message->tables.push_back(filledMessage(table, tables.reason, header));
+  return message;
+}
+
+std::vector<Table> tablesFromMessage(const TableArray& message) {
+  std::vector<Table> tables;
+  for (const auto& entry : message.tables) {
+    Table table;
+    std::copy_n(entry.plane.begin(), 4, table.plane.data());
+    table.T_camera_table = poseFromMessage(entry.pose);
+    const Eigen::Isometry3d T_table_camera = table.T_camera_table.inverse();
+    for (const auto& corner : entry.hull)
+      table.hull.push_back((T_table_camera * pointFromMessage(corner)).head<2>());
+    table.rms = entry.rms;
+    tables.push_back(std::move(table));
+  }
+  return tables;
 }
 
 ClusterCandidates messageFromProposal(const Proposal& proposal) {

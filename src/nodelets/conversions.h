@@ -43,11 +43,16 @@ geometry_msgs::TransformStamped transformMessage(const geometry_msgs::Pose& pose
                                                  const std_msgs::Header& header,
                                                  const std::string& child_frame_id);
 
-/// A table, or why there is none.
-TableMessagePtr messageFromTable(const Found<Table>& table, const std_msgs::Header& header);
+/// The main table, or why there is none.
+TableMessagePtr messageFromTable(const Found<std::vector<Table>>& tables,
+                                 const std_msgs::Header& header);
 
-/// The table in a message; its inliers' indices do not travel and are empty.
-std::optional<Table> tableFromMessage(const TableMessage& message);
+/// All tables, the main one first, or why there is none.
+TableArrayPtr messageFromTables(const Found<std::vector<Table>>& tables,
+                                const std_msgs::Header& header);
+
+/// The tables in a message; their inliers' indices do not travel and are empty.
+std::vector<Table> tablesFromMessage(const TableArray& message);
 
 /// What some clusters may be, or why nothing. Back from a message throws std::invalid_argument for
 /// labels that none of so many clusters has.

@@ -45,8 +45,8 @@ Marker marker(const std_msgs::Header& header, const std::string& ns, int id, int
   return message;
 }
 
-Marker hullMarker(const TableMessage& table, const MarkerOptions& options) {
-  Marker message = marker(table.header, "table", 0, Marker::LINE_STRIP, TABLE_COLOR);
+Marker hullMarker(const TableMessage& table, int id, const MarkerOptions& options) {
+  Marker message = marker(table.header, "table", id, Marker::LINE_STRIP, TABLE_COLOR);
   message.scale.x = options.line_width;
   message.points = table.hull;
   message.points.push_back(table.hull.front());
@@ -93,14 +93,18 @@ Marker nameMarker(const RecognizedObject& object, const Eigen::Vector3d& up,
 }  // namespace
 
 visualization_msgs::MarkerArrayPtr sceneMarkers(const RecognizedObjectArray& objects,
-                                                const TableMessage& table,
+                                                const TableArray& tables,
                                                 const MarkerOptions& options) {
   auto message = boost::make_shared<visualization_msgs::MarkerArray>();
   message->markers.push_back(marker(objects.header, "", 0, Marker::CUBE, 0));
   message->markers.back().action = Marker::DELETEALL;
-  if (!table.hull.empty()) message->markers.push_back(hullMarker(table, options));
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();
+  for (const auto& table : tables.tables) {
+    const int id = static_cast<int>(&table - tables.tables.data());
+    message->markers.push_back(hullMarker(table, id, options));
+    if (id == 0) up = {table.plane[0], table.plane[1], table.plane[2]};
+  }
 
-  const Eigen::Vector3d up(table.plane[0], table.plane[1], table.plane[2]);
   for (const auto& object : objects.objects) {
     message->markers.push_back(nameMarker(object, up, options));
     if (object.score == 0) message->markers.push_back(boxMarker(object, options));

@@ -12,10 +12,10 @@
 
 namespace tabletop_perception {
 
-/// The table's hull, a name above each thing, and a box about each one that is not known; first of
+/// The tables' hulls, a name above each thing, and a box about each one that is not known; first of
 /// all the order to delete what was drawn before.
 visualization_msgs::MarkerArrayPtr sceneMarkers(const RecognizedObjectArray& objects,
-                                                const TableMessage& table,
+                                                const TableArray& tables,
                                                 const MarkerOptions& options);
 
 /// The points of all things, each thing in a colour of its own that stays as long as its id.

@@ -14,9 +14,9 @@
 
 namespace tabletop_perception {
 
-/// `~objects` RecognizedObjectArray, `~table` Table and `~clusters` PointCloud2 with labels of one
-/// frame -> `~markers` MarkerArray (hull, names, boxes), `~things` PointCloud2 of the clusters in
-/// colours, `~models` PointCloud2 of the models at their poses.
+/// `~objects` RecognizedObjectArray, `~tables` TableArray and `~clusters` PointCloud2 with labels
+/// of one frame -> `~markers` MarkerArray (hull, names, boxes), `~things` PointCloud2 of the
+/// clusters in colours, `~models` PointCloud2 of the models at their poses.
 ///
 /// Parameter: `database`, the file with the objects.
 class MarkersNodelet : public StageNodelet {
@@ -32,38 +32,38 @@ class MarkersNodelet : public StageNodelet {
   void subscribe() override {
     auto& nh = getPrivateNodeHandle();
     clusters_sub_.subscribe(nh, "clusters", SYNC_QUEUE);
-    table_sub_.subscribe(nh, "table", SYNC_QUEUE);
+    tables_sub_.subscribe(nh, "tables", SYNC_QUEUE);
     objects_sub_.subscribe(nh, "objects", SYNC_QUEUE);
   }
 
   void unsubscribe() override {
     clusters_sub_.unsubscribe();
-    table_sub_.unsubscribe();
+    tables_sub_.unsubscribe();
     objects_sub_.unsubscribe();
   }
 
-  void onFrame(const RecognizedObjectArrayConstPtr& objects, const TableMessageConstPtr& table,
+  void onFrame(const RecognizedObjectArrayConstPtr& objects, const TableArrayConstPtr& tables,
                const sensor_msgs::PointCloud2ConstPtr& clusters) {
     attempt([&] {
       const Cloud things =
           coloredThings(cloudFromMessage(*clusters), labelsFromMessage(*clusters), *objects);
       const Cloud models = modelsAtPoses(*objects, models_->update());
-      markers_pub_.publish(sceneMarkers(*objects, *table, options_));
+      markers_pub_.publish(sceneMarkers(*objects, *tables, options_));
       things_pub_.publish(messageFromCloud(things, objects->header));
       models_pub_.publish(messageFromCloud(models, objects->header));
     });
   }
 
-  using Policy = message_filters::sync_policies::ExactTime<RecognizedObjectArray, TableMessage,
+  using Policy = message_filters::sync_policies::ExactTime<RecognizedObjectArray, TableArray,
                                                            sensor_msgs::PointCloud2>;
 
   MarkerOptions options_;
   std::optional<ModelSource> models_;
   ros::Publisher markers_pub_, things_pub_, models_pub_;
   message_filters::Subscriber<RecognizedObjectArray> objects_sub_;
-  message_filters::Subscriber<TableMessage> table_sub_;
+  message_filters::Subscriber<TableArray> tables_sub_;
   message_filters::Subscriber<sensor_msgs::PointCloud2> clusters_sub_;
-  message_filters::Synchronizer<Policy> sync_{Policy(SYNC_QUEUE), objects_sub_, table_sub_,
+  message_filters::Synchronizer<Policy> sync_{Policy(SYNC_QUEUE), objects_sub_, tables_sub_,
                                               clusters_sub_};
 };
 

@@ -16,8 +16,8 @@
 
 namespace tabletop_perception {
 
-/// `~input` PointCloud2 with labels, `~table` Table and `~cloud`, the filtered PointCloud2 of the
-/// whole scene -> `~candidates` CandidateArray, what each cluster may be, and
+/// `~input` PointCloud2 with labels, `~tables` TableArray and `~cloud`, the filtered PointCloud2 of
+/// the whole scene -> `~candidates` CandidateArray, what each cluster may be, and
 /// `~clusters`, the cloud that they speak of.
 ///
 /// Parameter: `database`, the file with the objects; it is read again whenever it changes.
@@ -33,18 +33,17 @@ class MatchNodelet : public StageNodelet {
   void subscribe() override {
     auto& nh = getPrivateNodeHandle();
     cloud_sub_.subscribe(nh, "cloud", SYNC_QUEUE);
-    table_sub_.subscribe(nh, "table", SYNC_QUEUE);
+    tables_sub_.subscribe(nh, "tables", SYNC_QUEUE);
     input_sub_.subscribe(nh, "input", SYNC_QUEUE);
   }
 
   void unsubscribe() override {
     cloud_sub_.unsubscribe();
-    table_sub_.unsubscribe();
+    tables_sub_.unsubscribe();
     input_sub_.unsubscribe();
   }
 
-  void onClusters(const sensor_msgs::PointCloud2ConstPtr& message,
-                  const TableMessageConstPtr& table,
+  void onClusters(const sensor_msgs::PointCloud2ConstPtr& message, const TableArrayConstPtr& tables,
                   const sensor_msgs::PointCloud2ConstPtr& scene_message) {
     attempt([&] {
       const Cloud scene = cloudFromMessage(*scene_message);
@@ -56,7 +55,7 @@ class MatchNodelet : public StageNodelet {
       candidates->reason = models_->reason();
       if (!candidates->reason.empty()) warn(candidates->reason);
       for (const auto& proposal :
-           proposeObjects(scene, clusters, tableFromMessage(*table), index, options_))
+           proposeObjects(scene, clusters, tablesFromMessage(*tables), index, options_))
         candidates->clusters.push_back(messageFromProposal(proposal));
       candidates_pub_.publish(candidates);
       clusters_pub_.publish(message);
@@ -66,12 +65,12 @@ class MatchNodelet : public StageNodelet {
   MatchOptions options_;
   std::optional<ModelSource> models_;
   ros::Publisher candidates_pub_, clusters_pub_;
-  using Policy = message_filters::sync_policies::ExactTime<sensor_msgs::PointCloud2, TableMessage,
+  using Policy = message_filters::sync_policies::ExactTime<sensor_msgs::PointCloud2, TableArray,
                                                            sensor_msgs::PointCloud2>;
   message_filters::Subscriber<sensor_msgs::PointCloud2> input_sub_;
-  message_filters::Subscriber<TableMessage> table_sub_;
+  message_filters::Subscriber<TableArray> tables_sub_;
   message_filters::Subscriber<sensor_msgs::PointCloud2> cloud_sub_;
-  message_filters::Synchronizer<Policy> sync_{Policy(SYNC_QUEUE), input_sub_, table_sub_,
+  message_filters::Synchronizer<Policy> sync_{Policy(SYNC_QUEUE), input_sub_, tables_sub_,
                                               cloud_sub_};
 };
 

@@ -34,9 +34,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 /// Why a frame has no object, or none with a name; empty if neither is to be said.
-std::string frameReason(const TableMessage& table, const CandidateArray& candidates,
+std::string frameReason(const TableArray& tables, const CandidateArray& candidates,
                         const sensor_msgs::PointCloud2& clusters) {
-  if (!table.reason.empty()) return table.reason;
+  if (!tables.reason.empty()) return tables.reason;
   if (!candidates.clusters.empty()) return candidates.reason;
   const auto standing = validIndices(cloudFromMessage(clusters)).size();
   return standing == 0 ? "nothing stands on the table"
@@ -64,7 +64,8 @@ RecognizedObject movedTo(const std::string& target_frame, const Eigen::Isometry3
 
 }  // namespace
 
-/// `~candidates` CandidateArray and `~clusters` PointCloud2 with labels from match, `~table` Table,
+/// `~candidates` CandidateArray and `~clusters` PointCloud2 with labels from match, `~tables`
+/// TableArray,
 /// and `~cloud`, the filtered PointCloud2 of the whole scene -> `~objects` RecognizedObjectArray
 /// and a tf frame per object; service `~get_object_pose` GetObjectPose. Every frame is answered,
 /// also one without a table or an object.
@@ -109,14 +110,14 @@ class RefineNodelet : public StageNodelet {
   void subscribe() override {
     auto& nh = getPrivateNodeHandle();
     cloud_sub_.subscribe(nh, "cloud", SYNC_QUEUE);
-    table_sub_.subscribe(nh, "table", SYNC_QUEUE);
+    tables_sub_.subscribe(nh, "tables", SYNC_QUEUE);
     clusters_sub_.subscribe(nh, "clusters", SYNC_QUEUE);
     candidates_sub_.subscribe(nh, "candidates", SYNC_QUEUE);
   }
 
   void unsubscribe() override {
     cloud_sub_.unsubscribe();
-    table_sub_.unsubscribe();
+    tables_sub_.unsubscribe();
     clusters_sub_.unsubscribe();
     candidates_sub_.unsubscribe();
   }
@@ -124,15 +125,15 @@ class RefineNodelet : public StageNodelet {
   bool wantedAnyway() override { return publish_tf_ || calls_ > 0; }
 
   void onFrame(const CandidateArrayConstPtr& candidates,
-               const sensor_msgs::PointCloud2ConstPtr& clusters, const TableMessageConstPtr& table,
+               const sensor_msgs::PointCloud2ConstPtr& clusters, const TableArrayConstPtr& tables,
                const ros::MessageEvent<const sensor_msgs::PointCloud2>& cloud) {
     attempt([&] {
-      const auto objects = decideScene(*cloud.getConstMessage(), *clusters, *candidates, *table);
+      const auto objects = decideScene(*cloud.getConstMessage(), *clusters, *candidates, *tables);
       const auto ids = tracker_.update(candidates->header.stamp.toSec(), sightingsOf(objects));
 
       auto message = boost::make_shared<RecognizedObjectArray>();
       message->header = candidates->header;
-      message->reason = frameReason(*table, *candidates, *clusters);
+      message->reason = frameReason(*tables, *candidates, *clusters);
       for (std::size_t i = 0; i < objects.size(); ++i)
         message->objects.push_back(messageFromObject(objects[i], ids[i], message->header));
 
@@ -149,7 +150,7 @@ class RefineNodelet : public StageNodelet {
   std::vector<SceneObject> decideScene(const sensor_msgs::PointCloud2& cloud_message,
                                        const sensor_msgs::PointCloud2& clusters_message,
                                        const CandidateArray& candidates,
-                                       const TableMessage& table_message) {
+                                       const TableArray& tables_message) {
     const ModelIndex& index = models_->update();
     const Cloud scene = cloudFromMessage(cloud_message);
     const auto labels = labelsFromMessage(clusters_message);
@@ -161,7 +162,7 @@ class RefineNodelet : public StageNodelet {
     std::vector<Proposal> proposals;
     for (const auto& entry : candidates.clusters)
       proposals.push_back(proposalFromMessage(entry, clusters.size()));
-    return decideObjects(scene, clusters, proposals, tableFromMessage(table_message), index,
+    return decideObjects(scene, clusters, proposals, tablesFromMessage(tables_message), index,
                          options_.match, options_.refine, options_.verify);
   }
 
@@ -260,7 +261,7 @@ class RefineNodelet : public StageNodelet {
       silent += (silent.empty() ? "" : ", ") + subscriber.getTopic();
     };
     check(cloud_sub_.getSubscriber());
-    check(table_sub_.getSubscriber());
+    check(tables_sub_.getSubscriber());
     check(candidates_sub_.getSubscriber());
     return silent.empty() ? "is the camera publishing?" : "nobody publishes " + silent;
   }
@@ -277,7 +278,7 @@ class RefineNodelet : public StageNodelet {
   }
 
   using Policy = message_filters::sync_policies::ExactTime<CandidateArray, sensor_msgs::PointCloud2,
-                                                           TableMessage, sensor_msgs::PointCloud2>;
+                                                           TableArray, sensor_msgs::PointCloud2>;
   static constexpr int SERVICE_THREADS = 4;  ///< calls that wait at the same time
   static constexpr std::chrono::seconds DEFAULT_TIMEOUT{5};
 
@@ -292,10 +293,10 @@ class RefineNodelet : public StageNodelet {
   ros::Publisher objects_pub_;
   message_filters::Subscriber<CandidateArray> candidates_sub_;
   message_filters::Subscriber<sensor_msgs::PointCloud2> clusters_sub_;
-  message_filters::Subscriber<TableMessage> table_sub_;
+  message_filters::Subscriber<TableArray> tables_sub_;
   message_filters::Subscriber<sensor_msgs::PointCloud2> cloud_sub_;
   message_filters::Synchronizer<Policy> sync_{Policy(SYNC_QUEUE), candidates_sub_, clusters_sub_,
-                                              table_sub_, cloud_sub_};
+                                              tables_sub_, cloud_sub_};
 
   /// The last frame that came through, and when its cloud came here.
   struct Latest {

@@ -17,8 +17,9 @@
 
 namespace tabletop_perception {
 
-/// `~input` PointCloud2 -> `~objects` PointCloud2 of what stands on the table, `~table` Table,
-/// and the tf frame of the table. Every frame is answered, also one without a table.
+/// `~input` PointCloud2 -> `~objects` PointCloud2 of what stands on the tables, `~tables`
+/// TableArray of all of them, `~table` Table, the main one, and its tf frame. Every frame is
+/// answered, also one without a table.
 ///
 /// Parameters: `up`, the direction against gravity in the cloud's frame [x, y, z], or `up_frame`,
 /// the tf frame whose z axis it is, with `up_timeout` [s]; `table_frame` and `publish_tf`.
@@ -36,6 +37,7 @@ class TableNodelet : public StageNodelet {
     if (!up_frame_.empty()) tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_);
     objects_pub_ = advertise<sensor_msgs::PointCloud2>("objects");
     table_pub_ = advertise<TableMessage>("table");
+    tables_pub_ = advertise<TableArray>("tables");
   }
 
   void subscribe() override {
@@ -50,30 +52,31 @@ class TableNodelet : public StageNodelet {
   void onCloud(const sensor_msgs::PointCloud2ConstPtr& message) {
     attempt([&] {
       const Cloud cloud = cloudFromMessage(*message);
-      const auto table = tableIn(cloud, message->header);
-      const auto table_message = messageFromTable(table, message->header);
+      const auto tables = tablesIn(cloud, message->header);
+      const auto table_message = messageFromTable(tables, message->header);
       table_pub_.publish(table_message);
-      if (table && publish_tf_)
+      tables_pub_.publish(messageFromTables(tables, message->header));
+      if (tables && publish_tf_)
         tf_broadcaster_.sendTransform(
             transformMessage(table_message->pose, message->header, table_frame_));
 
       if (objects_pub_.getNumSubscribers() == 0) return;
-      const Cloud standing = table ? pointsOnTable(cloud, *table, options_)
-                                   : Cloud(cloud.width, cloud.height, cloud.colored());
+      const Cloud standing =
+          pointsOnTables(cloud, tables.value.value_or(std::vector<Table>()), options_);
       objects_pub_.publish(messageFromCloud(standing, message->header));
     });
   }
 
-  /// The table, or why there is none: also when up is not known although it should be.
-  Found<Table> tableIn(const Cloud& cloud, const std_msgs::Header& header) {
+  /// The tables, or why there is none: also when up is not known although it should be.
+  Found<std::vector<Table>> tablesIn(const Cloud& cloud, const std_msgs::Header& header) {
     std::optional<Eigen::Vector3d> up;
     try {
       up = upIn(header);
     } catch (const tf2::TransformException& error) {
       warn(std::string("no up direction: ") + error.what());
-      return Found<Table>::none(std::string("no up direction: ") + error.what());
+      return Found<std::vector<Table>>::none(std::string("no up direction: ") + error.what());
     }
-    return findTable(cloud, up, options_);
+    return findTables(cloud, up, options_);
   }
 
   /// The direction against gravity in the cloud's frame, if it is to be used.
@@ -97,7 +100,7 @@ class TableNodelet : public StageNodelet {
   tf2_ros::Buffer tf_;
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
   tf2_ros::TransformBroadcaster tf_broadcaster_;
-  ros::Publisher objects_pub_, table_pub_;
+  ros::Publisher objects_pub_, table_pub_, tables_pub_;
   ros::Subscriber input_sub_;
 };
 

@@ -92,11 +92,11 @@ std::vector<std::uint32_t> frontEnd(const PackedCloud& packed,
                                     const std::optional<Eigen::Vector3d>& up,
                                     const PipelineOptions& options) {
   const Cloud filtered = filterCloud(unpackCloud(packed), options.filter);
-  const auto table = findTable(filtered, up, options.table);
-  if (!table) return {};
+  const auto tables = findTables(filtered, up, options.table);
+  if (!tables) return {};
   const auto clusters =
-      extractClusters(filtered, indicesOnTable(filtered, *table, options.table), options.cluster);
-  return labelsOf(filtered.size(), table->inliers, clusters);
+      extractClusters(filtered, indicesOnTables(filtered, *tables, options.table), options.cluster);
+  return labelsOf(filtered.size(), tables->front().inliers, clusters);
 }
 
 /// Angle of a normal to a direction, either way round [deg]; none for NaN.
@@ -250,7 +250,7 @@ SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector
   if (table) {
     timing.table =
         timeAlone(runs, discarding([&] { return findTable(filtered, up, options.table); }));
-    const Indices standing = indicesOnTable(filtered, *table, options.table);
+    const Indices standing = indicesOnTables(filtered, {*table}, options.table);
     timeClusters(filtered, standing, options.cluster, stages);
     const auto packed = packedView(message);
     stages.time(

@@ -64,11 +64,15 @@ ordered_json sceneJson(const Scene& scene, const Segmentation& segmentation,
   for (const auto& object : objects)
     objects_json.push_back(
         objectJson(static_cast<int>(objects_json.size()) + 1, object, named, scene.sensor));
+  auto others_json = ordered_json::array();
+  for (const auto& table : segmentation.other_tables)
+    others_json.push_back(tableJson(table, scene.sensor));
   return {
       {"scene", scene.name},
       {"frame_id", scene.frame_id},
       {"stamp", scene.stamp},
       {"table", segmentation.table ? tableJson(*segmentation.table, scene.sensor) : ordered_json()},
+      {"other_tables", others_json},
       {"objects", objects_json},
       {"times_ms", timesJson(times_ms)},
       {"reason", orNull(segmentation.reason)}};

@@ -243,9 +243,9 @@ TEST(Pipeline, TheStagesOneByOneSayTheSame) {
   const Recognition whole = recognized(scene.cloud, scene.up);
   const Segmentation& segmentation = whole.segmentation;
   const auto proposals = proposeObjects(segmentation.filtered, segmentation.clusters,
-                                        segmentation.table, threeModels(), options.match);
+                                        segmentation.tables(), threeModels(), options.match);
   const auto objects =
-      decideObjects(segmentation.filtered, segmentation.clusters, proposals, segmentation.table,
+      decideObjects(segmentation.filtered, segmentation.clusters, proposals, segmentation.tables(),
                     threeModels(), options.match, options.refine, options.verify);
   ASSERT_EQ(objects.size(), whole.objects.size());
   for (std::size_t k = 0; k < objects.size(); ++k) {
@@ -260,7 +260,7 @@ TEST(Pipeline, CandidatesThatLeftTheDatabaseMeanwhileAreNotAnswered) {
   ASSERT_FALSE(segmentation.clusters.empty());
   const std::vector<Candidate> gone{{"teapot", 0, 0, Eigen::Isometry3d::Identity()}};
   const auto objects = decideObjects(segmentation.filtered, {segmentation.clusters[0]},
-                                     {{{2}, gone}}, segmentation.table, threeModels(),
+                                     {{{2}, gone}}, segmentation.tables(), threeModels(),
                                      MatchOptions(), RefineOptions(), VerifyOptions());
   ASSERT_EQ(objects.size(), 1u);
   EXPECT_EQ(objects[0].name, "unknown");

@@ -268,6 +268,7 @@ TEST(Table, ATiltWithinTheLimitIsATable) {
 TEST(Table, TheHeightBandExcludesTheFloor) {
   const auto scene = tableAmid({floorBelow(), boxOnTheFloor()});
   TableOptions options;
+  options.max_planes = 1;
   const auto floor = findTable(scene.cloud, scene.up, options);
   ASSERT_TRUE(floor) << floor.reason;
   EXPECT_NEAR(floor->plane[3] - scene.plane[3], 0.7, 0.002) << "the floor is the larger";
@@ -275,6 +276,7 @@ TEST(Table, TheHeightBandExcludesTheFloor) {
   options.use_height_band = true;
   options.min_table_height = -0.8;
   options.max_table_height = -0.1;
+  options.max_planes = TableOptions().max_planes;
   const auto table = findTable(scene.cloud, scene.up, options);
   ASSERT_TRUE(table) << table.reason;
   expectPlane(*table, scene.plane, 0.05, 0.0005);
@@ -295,6 +297,19 @@ TEST(Table, CarriesSomethingOrIsNotPreferred) {
     EXPECT_EQ(table.reason, "");
     expectPlane(*table, scene.plane, 0.05, 0.0005);
   }
+}
+
+TEST(Table, StandsOverAFloorThatCarriesSomethingToo) {
+  const auto scene = tableAmid({floorBelow(), boxOnTheFloor()});
+  const Cloud packed = selectPoints(scene.cloud, validIndices(scene.cloud));
+  for (const Cloud* cloud : {&scene.cloud, &packed})
+    for (const auto& up :
+         {std::optional<Eigen::Vector3d>(scene.up), std::optional<Eigen::Vector3d>()}) {
+      const auto tables = findTables(*cloud, up, TableOptions());
+      ASSERT_TRUE(tables) << tables.reason;
+      ASSERT_EQ(tables->size(), 1u) << "the floor is none";
+      expectPlane(tables->front(), scene.plane, 0.05, 0.0005);
+    }
 }
 
 TEST(Table, ABarePlaneIsATableOnWhichNothingStands) {
@@ -447,6 +462,42 @@ TEST(Table, ShelfBoardsAreSeveralTablesTheMainOneFirst) {
   EXPECT_EQ(one->plane, tables->front().plane);
 }
 
+TEST(Table, ABoardAboveItIsAnotherAndTheTopOfAThingIsNone) {
+  scene::SceneOptions options;
+  options.table_x = 0.8;
+  options.table_y = 0.9;
+  const scene::Standing can{"can", scene::moved(scene::cylinder(0.04, 0.1), 0.2, 0.1, 0.2),
+                            scene::standing(0, 0, 0)};
+  const auto sceneWith = [&](double bottom) {
+    const scene::Standing thing{"thing",
+                                scene::moved(scene::box(0.5, 0.7, 0.2 - bottom), 0.1, 0, bottom),
+                                scene::standing(0, 0, 0)};
+    return scene::render({thing, can}, options);
+  };
+  const auto shelf = sceneWith(0.18), block = sceneWith(0);
+  const auto boards = findTables(shelf.cloud, shelf.up, TableOptions());
+  ASSERT_TRUE(boards) << boards.reason;
+  ASSERT_EQ(boards->size(), 2u);
+  EXPECT_NEAR(shelf.plane[3] - boards->back().plane[3], 0.2, 0.001);
+  const auto tables = findTables(block.cloud, block.up, TableOptions());
+  ASSERT_TRUE(tables) << tables.reason;
+  EXPECT_EQ(tables->size(), 1u);
+  expectPlane(tables->front(), block.plane, 0.05, 0.0005);
+
+  // Only the can stands on the shelf, not the board above the table; a block of that size is a
+  // thing.
+  const auto labelsOn = [](const scene::SyntheticScene& scene, const std::vector<Table>& on) {
+    const Cloud standing = pointsOnTables(scene.cloud, on, TableOptions());
+    std::vector<int> counts(4, 0);
+    for (const int i : validIndices(standing)) ++counts[scene.truth[i]];
+    return counts;
+  };
+  const auto on_boards = labelsOn(shelf, *boards), on_table = labelsOn(block, *tables);
+  EXPECT_EQ(on_boards[2], 0);
+  EXPECT_GT(on_boards[3], 1000);
+  EXPECT_GT(on_table[2], 10000);
+}
+
 TEST(Table, OptionsOutOfRangeAreRefused) {
   TableOptions options;
   options.max_tilt_deg = 100;
@@ -466,7 +517,7 @@ TEST(Table, WhatStandsOnItLiesInTheHeightBandAboveTheHull) {
     options.min_height = 0.02;
     options.max_height = 0.25;
     options.hull_margin = margin;
-    const Cloud standing = pointsOnTable(cloud, table, options);
+    const Cloud standing = pointsOnTables(cloud, {table}, options);
     EXPECT_EQ(standing.width, 60);
     EXPECT_EQ(standing.height, 50);
     int stand = 0;
@@ -487,7 +538,8 @@ TEST(Table, AMarginCountsFromTheEdges) {
   options.hull_margin = 0.05;
   const auto stands = [&](double x, double y) {
     const Eigen::Vector3d p = table.T_camera_table * Eigen::Vector3d(x, y, 0.1);
-    return !validIndices(pointsOnTable(clouds::cloudOf({p.cast<float>()}), table, options)).empty();
+    return !validIndices(pointsOnTables(clouds::cloudOf({p.cast<float>()}), {table}, options))
+                .empty();
   };
   EXPECT_TRUE(stands(0.24, 0));
   EXPECT_FALSE(stands(0.26, 0));

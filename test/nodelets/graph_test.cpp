@@ -29,6 +29,7 @@ class Graph : public testing::Test {
     Camera camera{nh};
     Recorder<RecognizedObjectArray> objects{nh, "/perception/refine/objects"};
     Recorder<TableMessage> tables{nh, "/perception/table/table"};
+    Recorder<TableArray> all_tables{nh, "/perception/table/tables"};
     Recorder<CandidateArray> candidates{nh, "/perception/match/candidates"};
     Recorder<sensor_msgs::PointCloud2> clusters{nh, "/perception/match/clusters"};
     Recorder<sensor_msgs::PointCloud2> models{nh, "/perception/markers/models"};
@@ -117,6 +118,28 @@ TEST_F(Graph, theTablesFrameLiesOnItWithZUp) {
   const double height = scene_.plane.head<3>().dot(T_camera_table.translation()) + scene_.plane[3];
   EXPECT_LT(std::abs(height), 0.001);
   EXPECT_GT(T_camera_table.linear().col(0).z(), 0.5) << "x points away from the camera";
+}
+
+TEST_F(Graph, aSecondTableComesOutWithWhatStandsOnIt) {
+  scene::SceneOptions options;
+  options.table_x = options.table_y = 0.5;
+  const auto scene = scene::render(
+      {{"house", scene::house(), scene::standing(0, 0, 0.5)},
+       {"board", scene::moved(scene::box(0.5, 0.4, 0.02), 0, 0.5, -0.2), scene::standing(0, 0, 0)},
+       {"bracket", scene::moved(scene::bracket(), 0, 0.45, -0.18), scene::standing(0, 0, 0)}},
+      options);
+  const auto stamp = camera_.send(scene.cloud);
+  auto& s = shared();
+  ASSERT_TRUE(spinUntil(
+      [&] { return s.objects.has(stamp) && s.tables.has(stamp) && s.all_tables.has(stamp); }));
+  const auto& tables = s.all_tables.at(stamp)->tables;
+  ASSERT_EQ(tables.size(), 2u) << s.all_tables.at(stamp)->reason;
+  EXPECT_EQ(tables[0].plane, s.tables.at(stamp)->plane) << "the main one is the first";
+  EXPECT_NEAR(tables[1].plane[3] - tables[0].plane[3], 0.18, 0.002);
+
+  const auto frame = s.objects.at(stamp);
+  for (const std::string name : {"house", "bracket"})
+    EXPECT_TRUE(find(*frame, name)) << name << " of " << frame->objects.size() << " objects";
 }
 
 TEST_F(Graph, messageTfAndServiceAgree) {

@@ -15,7 +15,7 @@ TEST(ZeroCopy, nodeletsPassTheSameMessageOn) {
     const std::string own = "/" + name;
     return manager.load(own, "tabletop_perception/" + name,
                         {{own + "/input", input},
-                         {own + "/table", "/table/table"},
+                         {own + "/tables", "/table/tables"},
                          {own + "/cloud", "/filter/cloud"}},
                         {});
   };

@@ -71,10 +71,19 @@ Eigen::Vector3d vectorOf(const ordered_json& array) {
   return {array.at(0).get<double>(), array.at(1).get<double>(), array.at(2).get<double>()};
 }
 
+TEST(SegmentationJson, OtherTablesHaveTheFormOfTheMainOne) {
+  auto segmentation = someSegmentation();
+  segmentation.other_tables = {*segmentation.table};
+  const auto json = segmentationJson(someScene(), segmentation);
+  ASSERT_EQ(json["other_tables"].size(), 1u);
+  EXPECT_EQ(json["other_tables"][0], json["table"]);
+}
+
 TEST(RecognitionJson, HoldsWhatTheDocumentationSays) {
   const auto json = recognitionJson(someScene(), someRecognition());
-  EXPECT_EQ(keysOf(json), (std::vector<std::string>{"scene", "frame_id", "stamp", "table",
-                                                    "objects", "times_ms", "reason"}));
+  EXPECT_EQ(keysOf(json),
+            (std::vector<std::string>{"scene", "frame_id", "stamp", "table", "other_tables",
+                                      "objects", "times_ms", "reason"}));
   EXPECT_EQ(json["scene"], "kitchen");
   EXPECT_EQ(json["frame_id"], "camera");
   EXPECT_EQ(json["stamp"], 12.5);
@@ -86,6 +95,7 @@ TEST(RecognitionJson, HoldsWhatTheDocumentationSays) {
   EXPECT_EQ(table["hull"].size(), 4u);
   EXPECT_EQ(table["inliers"], 1);
   EXPECT_EQ(table["rms"], 0.002);
+  EXPECT_EQ(json["other_tables"], ordered_json::array());
 
   const auto& milk = json["objects"].at(0);
   EXPECT_EQ(keysOf(milk),
