@@ -171,7 +171,10 @@ Cloud samplePoints(const Cloud& cloud, std::size_t size) {
     if (cloud.valid(i)) valid.push_back(static_cast<int>(i));
   const std::size_t step = std::max<std::size_t>(1, valid.size() / size);
   Indices sample;
-  for (std::size_t i = step / 2; i < valid.size(); i += step) sample.push_back(valid[i]);
+  // One by chance out of each stretch: at even steps the rows of a camera would line up.
+  std::minstd_rand random(1);
+  for (std::size_t i = 0; i + step <= valid.size(); i += step)
+    sample.push_back(valid[i + random() % step]);
   return selectPoints(cloud, sample);
 }
 
