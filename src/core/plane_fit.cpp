@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <numeric>
 
 #include <Eigen/Eigenvalues>
 
@@ -18,6 +19,7 @@ constexpr int MAX_DRAWS = 2000;
 constexpr double CONFIDENCE = 0.999;  // that one draw had inliers alone
 constexpr int LANES = 16;             // points that a kernel takes at once
 constexpr std::size_t BLOCK = 4096;   // points summed in single precision before doubles take over
+constexpr std::size_t VALID_BLOCK = 64;  // points among which one of a sample is sought
 
 /// Count, sums and products of coordinates: 1, x y z, xx xy xz yy yz zz.
 using Moments = std::array<double, 10>;
@@ -114,6 +116,23 @@ struct PaddedPoints {
   }
 };
 
+/// How many of a block's points are valid.
+TABLETOP_SIMD_CLONES
+int countValid(const float* x, std::size_t count) {
+  int valid = 0;
+  for (std::size_t i = 0; i < count; ++i) valid += x[i] == x[i];  // false for NaN
+  return valid;
+}
+
+/// Valid points in each block of VALID_BLOCK points.
+std::vector<int> validByBlock(const Cloud& cloud) {
+  std::vector<int> valid;
+  valid.reserve(cloud.size() / VALID_BLOCK + 1);
+  for (std::size_t i = 0; i < cloud.size(); i += VALID_BLOCK)
+    valid.push_back(countValid(&cloud.x[i], std::min(VALID_BLOCK, cloud.size() - i)));
+  return valid;
+}
+
 Moments momentsNear(const Cloud& cloud, const Eigen::Vector4d& near, double band,
                     const Eigen::Vector3d& middle) {
   const Eigen::Vector4f plane = near.cast<float>();
@@ -165,16 +184,23 @@ Indices pointsBetween(const Cloud& cloud, const Eigen::Vector4d& plane, double l
 }
 
 Cloud samplePoints(const Cloud& cloud, std::size_t size) {
-  const std::size_t pixel_step = std::max<std::size_t>(1, cloud.size() / (16 * size));
-  Indices valid;
-  for (std::size_t i = pixel_step / 2; i < cloud.size(); i += pixel_step)
-    if (cloud.valid(i)) valid.push_back(static_cast<int>(i));
-  const std::size_t step = std::max<std::size_t>(1, valid.size() / size);
-  Indices sample;
+  const std::vector<int> valid = validByBlock(cloud);
+  const auto total = static_cast<std::size_t>(std::accumulate(valid.begin(), valid.end(), 0));
+  const double stretch = std::max(1.0, static_cast<double>(total) / static_cast<double>(size));
   // One by chance out of each stretch: at even steps the rows of a camera would line up.
   std::minstd_rand random(1);
-  for (std::size_t i = 0; i + step <= valid.size(); i += step)
-    sample.push_back(valid[i + random() % step]);
+  std::uniform_real_distribution<double> within(0, stretch);
+  Indices sample;
+  std::size_t block = 0, before = 0;  // valid points before the block
+  for (double begin = 0; begin < static_cast<double>(total); begin += stretch) {
+    const auto rank = static_cast<std::size_t>(begin + (stretch > 1 ? within(random) : 0.5));
+    if (rank >= total) break;
+    while (before + valid[block] <= rank) before += valid[block++];
+    std::size_t i = block * VALID_BLOCK;
+    for (std::size_t skipped = before; skipped < rank || !cloud.valid(i); ++i)
+      skipped += cloud.valid(i);
+    sample.push_back(static_cast<int>(i));
+  }
   return selectPoints(cloud, sample);
 }
 

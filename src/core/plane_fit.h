@@ -28,8 +28,9 @@ Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double
 /// Points whose signed distance from a plane is from `low` to `high` [m].
 Indices pointsBetween(const Cloud& cloud, const Eigen::Vector4d& plane, double low, double high);
 
-/// About `size` points spread evenly over a cloud, in its order; fewer of a cloud that has a point
-/// in one pixel of 16 or less.
+/// About `size` of a cloud's valid points (all of them if there are fewer), in its order: one drawn
+/// out of each of as many even stretches, the same ones wherever pixels without a point lie
+/// between.
 Cloud samplePoints(const Cloud& cloud, std::size_t size);
 
 /// The plane within `distance` [m] of most of the points, drawn by RANSAC (Fischler & Bolles 1981);
