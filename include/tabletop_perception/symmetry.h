@@ -18,8 +18,8 @@ namespace tabletop_perception {
 Symmetry detectSymmetry(const Surface& surface, double tolerance = 0.04);
 
 /// Three axes across each other that most of the surface's normals lie along, as columns: the sides
-/// of a box. Each is the one nearest to an axis of the object's frame, so the sides of a box must be
-/// within 45 degrees of these.
+/// of a box. Each is the one nearest to an axis of the object's frame, so the sides of a box must
+/// be within 45 degrees of these.
 Eigen::Matrix3d dominantAxes(const Surface& surface);
 
 /// A symmetry that a user states: "none", "axis x|y|z" (continuous), "half x|y|z" (a half turn),
