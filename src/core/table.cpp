@@ -23,7 +23,6 @@ namespace tabletop_perception {
 namespace {
 
 constexpr int SAMPLE_SIZE = 1000;          // points that a plane is fitted to at first
-constexpr double FRINGE = 1.5;             // of `distance`: how far noise strays from a plane
 constexpr int NORMAL_SAMPLE_SIZE = 1500;   // points of an unorganised cloud that have normals
 constexpr int COARSE_COLUMNS = 160;        // of the grid on which planes are connected
 constexpr double LEVEL_COSINE = 0.996;     // of 5 deg: pieces of one level tilt alike
@@ -413,9 +412,7 @@ class TableSearch {
         return;
       if (isNoThing(rest, plane->points))
         lookAt(rest, samplePoints(rest, SAMPLE_SIZE), plane->plane, options_.distance);
-      // Also the fringe of its noise, which would be drawn again as planes of their own.
-      for (const int i : pointsNearPlane(rest, plane->plane, FRINGE * options_.distance))
-        rest.drop(i);
+      for (const int i : pointsNearPlane(rest, plane->plane, options_.distance)) rest.drop(i);
     }
   }
 
