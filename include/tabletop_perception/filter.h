@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <Eigen/Geometry>
 
@@ -53,6 +54,11 @@ struct FilterOptions {
     visit("outlier_deviations", outlier_deviations, Range{0, 10});
     visit("outlier_radius", outlier_radius, Range{0.001, 1});
   }
+
+  std::vector<Order> order() const {
+    return {{"min_range", min_range, "max_range", max_range},
+            {"crop_min", crop_min, "crop_max", crop_max}};
+  }
 };
 
 /// Drops points nearer than `min` or farther than `max` from the sensor [m].
@@ -65,7 +71,8 @@ Cloud cropAxis(Cloud cloud, int axis, double min, double max);
 Cloud cropBox(Cloud cloud, const Eigen::Isometry3d& T_camera_box, const Eigen::Vector3d& size);
 
 /// One point per occupied cube of `leaf` [m], the mean of its points and colours, unorganised.
-/// Cubes are counted in 64 bits: any extent works. Throws unless `leaf` is positive.
+/// Cubes are numbered up to 2^30 from the origin; what lies beyond shares the last. Throws unless
+/// `leaf` is positive.
 Cloud voxelGrid(const Cloud& cloud, double leaf);
 
 /// Drops points whose mean distance to their `neighbors` nearest is more than `deviations`

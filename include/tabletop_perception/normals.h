@@ -30,7 +30,7 @@ struct NormalsOptions {
   void visitFields(Visitor&& visit) {
     visit("method", method,
           Choices{{"window", "average_depth_change", "average_3d_gradient", "covariance"}});
-    visit("window", window, Range{3, 31});
+    visit("window", window, OddRange{{3, 31}});
     visit("step", step, Range{1, 8});
     visit("smoothing", smoothing, Range{1, 60});
     visit("depth_change", depth_change, Range{0.001, 0.5});

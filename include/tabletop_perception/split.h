@@ -10,7 +10,8 @@ namespace tabletop_perception {
 /// Where clusters of things that touch are cut apart.
 struct SplitOptions {
   bool enabled = true;            ///< false: clusters stay as they are
-  int step = 2;                   ///< every step-th pixel is looked at [pixels]
+  double spacing_deg = 0.22;      ///< angle between the pixels that are looked at: every second one
+                                  ///< of a VGA camera with f 525, each one of a coarser [deg]
   int window = 7;                 ///< side of the window of a normal, in steps (odd)
   double gap = 0.015;             ///< neighbouring points farther apart do not touch [m]
   double smooth_angle_deg = 9;    ///< normals of neighbours in one smooth patch differ less [deg]
@@ -23,8 +24,8 @@ struct SplitOptions {
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
     visit("enabled", enabled);
-    visit("step", step, Range{1, 8});
-    visit("window", window, Range{3, 31});
+    visit("spacing_deg", spacing_deg, Range{0.01, 2});
+    visit("window", window, OddRange{{3, 31}});
     visit("gap", gap, Range{0.001, 0.2});
     visit("smooth_angle_deg", smooth_angle_deg, Range{0.1, 90});
     visit("max_curvature", max_curvature, Range{0, 0.34});

@@ -47,6 +47,11 @@ struct TableOptions {
     visit("min_carried", min_carried, Range{1, 1e6});
     visit("seed", seed, Range{0, 1e9});
   }
+
+  std::vector<Order> order() const {
+    return {{"min_table_height", min_table_height, "max_table_height", max_table_height},
+            {"min_height", min_height, "max_height", max_height}};
+  }
 };
 
 /// A horizontal surface that carries things.
@@ -61,6 +66,10 @@ struct Table {
   Indices inliers;  ///< points of the cloud on the surface
   double rms = 0;   ///< of their distances from the plane [m]
 };
+
+/// The direction against gravity in the optical frame (x right, y down, z forward) of a camera that
+/// is mounted level and looks `pitch` [deg] below the horizon.
+Eigen::Vector3d upOfPitch(double pitch);
 
 /// Signed distance of a point from the table's plane, positive on the free side [m].
 inline double heightAbove(const Table& table, const Eigen::Vector3f& point) {

@@ -22,24 +22,57 @@ float squaredDistance(const Cloud& points, int i, int j) {
   return (points.point(i) - points.point(j)).squaredNorm();
 }
 
+/// The squared gap that each point may leave: `tolerance`, or `noise_gap` times the squared range.
+TABLETOP_SIMD_CLONES
+void squaredGapsOf(const float* x, const float* y, const float* z, std::size_t count,
+                   float tolerance, float noise_gap, float* gaps) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float by_noise = noise_gap * (x[i] * x[i] + (y[i] * y[i] + z[i] * z[i]));
+    const float gap = by_noise > tolerance ? by_noise : tolerance;
+    gaps[i] = gap * gap;
+  }
+}
+
+/// Points of an organised cloud and how far apart they may be.
+struct GappedPoints {
+  const Cloud& points;
+  std::vector<float> squared_gaps;
+
+  GappedPoints(const Cloud& points, const ClusterOptions& options)
+      : points(points), squared_gaps(points.size()) {
+    squaredGapsOf(points.x.data(), points.y.data(), points.z.data(), points.size(),
+                  static_cast<float>(options.tolerance), static_cast<float>(options.noise_gap),
+                  squared_gaps.data());
+  }
+
+  bool near(int i, int j) const {
+    return squaredDistance(points, i, j) <= std::max(squared_gaps[i], squared_gaps[j]);
+  }
+
+  double largestGap() const {
+    return std::sqrt(*std::max_element(squared_gaps.begin(), squared_gaps.end()));
+  }
+};
+
 /// Marks the points, but the first, that are near the one before.
 TABLETOP_SIMD_CLONES
-void markNear(const float* x, const float* y, const float* z, std::size_t count,
-              float squared_tolerance, std::uint8_t* marks) {
+void markNear(const float* x, const float* y, const float* z, const float* squared_gaps,
+              std::size_t count, std::uint8_t* marks) {
   for (std::size_t i = 1; i < count; ++i) {
     const float dx = x[i] - x[i - 1], dy = y[i] - y[i - 1], dz = z[i] - z[i - 1];
-    marks[i] = dx * dx + (dy * dy + dz * dz) <= squared_tolerance;
+    const float squared = dx * dx + (dy * dy + dz * dz);
+    marks[i] = (squared <= squared_gaps[i]) | (squared <= squared_gaps[i - 1]);
   }
 }
 
 /// The points at `pixels` of an organised cloud, cut where the row ends and where one is far from
 /// the last before it. Pixels without a point lie between where the gap in space is small enough:
 /// holes are bridged by metres.
-std::vector<Run> runsAlongRows(const Cloud& points, const Indices& pixels, int width,
-                               float squared_tolerance) {
+std::vector<Run> runsAlongRows(const GappedPoints& gapped, const Indices& pixels, int width) {
+  const Cloud& points = gapped.points;
   std::vector<std::uint8_t> near(points.size());
-  markNear(points.x.data(), points.y.data(), points.z.data(), points.size(), squared_tolerance,
-           near.data());
+  markNear(points.x.data(), points.y.data(), points.z.data(), gapped.squared_gaps.data(),
+           points.size(), near.data());
   std::vector<Run> runs;
   int row_end = 0;
   for (int i = 0; i < static_cast<int>(points.size()); ++i) {
@@ -60,8 +93,8 @@ std::vector<Run> singlePoints(std::size_t count) {
 }
 
 /// Joins the runs of which a point is near the last one before it in its column.
-UnionFind joinAlongColumns(const Cloud& points, const Indices& pixels, int width,
-                           const std::vector<Run>& runs, float squared_tolerance) {
+UnionFind joinAlongColumns(const GappedPoints& points, const Indices& pixels, int width,
+                           const std::vector<Run>& runs) {
   UnionFind sets(runs.size());
   struct Last {
     int point, run;
@@ -72,8 +105,7 @@ UnionFind joinAlongColumns(const Cloud& points, const Indices& pixels, int width
     int joined = -1;  // with this one before: no need to compare more of their points
     for (int i = runs[r].begin; i < runs[r].end; ++i) {
       Last& last = above[pixels[i] - row_begin];
-      if (last.run >= 0 && last.run != joined &&
-          squaredDistance(points, i, last.point) <= squared_tolerance) {
+      if (last.run >= 0 && last.run != joined && points.near(i, last.point)) {
         sets.join(r, last.run);
         joined = last.run;
       }
@@ -159,28 +191,25 @@ struct PartsByCube {
   }
 };
 
-bool touch(const Cloud& points, const PartsByCube& grid, const Part& a, const Part& b,
-           float squared_tolerance) {
+bool touch(const GappedPoints& points, const PartsByCube& grid, const Part& a, const Part& b) {
   for (int ra = a.first; ra >= 0; ra = grid.runs[ra].next)
     for (int rb = b.first; rb >= 0; rb = grid.runs[rb].next)
       for (int i = grid.runs[ra].run.begin; i < grid.runs[ra].run.end; ++i)
         for (int j = grid.runs[rb].run.begin; j < grid.runs[rb].run.end; ++j)
-          if (squaredDistance(points, i, j) <= squared_tolerance) return true;
+          if (points.near(i, j)) return true;
   return false;
 }
 
 /// Joins sets that are near in space though not along the grid's rows and columns: an object that
 /// hides a strip of itself is seen in two pieces.
-void joinAcrossSteps(const Cloud& points, const std::vector<Run>& runs, double tolerance,
-                     UnionFind& sets) {
-  const auto squared_tolerance = static_cast<float>(tolerance * tolerance);
-  const PartsByCube grid(points, runs, tolerance, sets);
+void joinAcrossSteps(const GappedPoints& points, const std::vector<Run>& runs, UnionFind& sets) {
+  const PartsByCube grid(points.points, runs, points.largestGap(), sets);
   const auto joinParts = [&](int cube, int other) {
     for (int a = grid.first_part[cube]; a >= 0; a = grid.parts[a].next)
       for (int b = grid.first_part[other]; b >= 0; b = grid.parts[b].next) {
         const Part &one = grid.parts[a], &two = grid.parts[b];
         if (one.root != two.root && sets.root(one.root) != sets.root(two.root) &&
-            touch(points, grid, one, two, squared_tolerance))
+            touch(points, grid, one, two))
           sets.join(one.root, two.root);
       }
   };
@@ -234,6 +263,25 @@ UnionFind joinAmongCubes(const Cloud& points, double tolerance) {
   return sets;
 }
 
+/// Runs of points, and which of them belong together.
+struct ConnectedRuns {
+  std::vector<Run> runs;
+  UnionFind sets;
+};
+
+ConnectedRuns connectedRuns(const Cloud& points, const Indices& pixels, int width,
+                            const ClusterOptions& options) {
+  const GappedPoints gapped(points, options);
+  auto runs = runsAlongRows(gapped, pixels, width);
+  auto sets = joinAlongColumns(gapped, pixels, width, runs);
+  joinAcrossSteps(gapped, runs, sets);
+  return {std::move(runs), std::move(sets)};
+}
+
+ConnectedRuns connectedPoints(const Cloud& points, double tolerance) {
+  return {singlePoints(points.size()), joinAmongCubes(points, tolerance)};
+}
+
 }  // namespace
 
 std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& options) {
@@ -244,15 +292,9 @@ std::vector<Indices> extractClusters(const Cloud& cloud, const Indices& among,
                                      const ClusterOptions& options) {
   checkOptions("cluster", options);
   const Cloud points = selectPoints(cloud, among);
-  const auto tolerance = static_cast<float>(options.tolerance);
-  const bool organized = cloud.organized();
-  const std::vector<Run> runs =
-      organized ? runsAlongRows(points, among, cloud.width, tolerance * tolerance)
-                : singlePoints(points.size());
-  UnionFind sets = organized
-                       ? joinAlongColumns(points, among, cloud.width, runs, tolerance * tolerance)
-                       : joinAmongCubes(points, options.tolerance);
-  if (organized) joinAcrossSteps(points, runs, options.tolerance, sets);
+  if (points.empty()) return {};
+  auto [runs, sets] = cloud.organized() ? connectedRuns(points, among, cloud.width, options)
+                                        : connectedPoints(points, options.tolerance);
   std::vector<int> sizes(runs.size(), 0);  // by root
   for (std::size_t r = 0; r < runs.size(); ++r)
     sizes[sets.root(static_cast<int>(r))] += runs[r].end - runs[r].begin;

@@ -1,6 +1,9 @@
 #include "tabletop_perception/filter.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -31,18 +34,65 @@ void dropOutside(float* x, float* y, float* z, std::size_t count, float nearest,
   }
 }
 
-/// Sums of the points of one voxel.
-struct VoxelSum {
-  Eigen::Vector3d point = Eigen::Vector3d::Zero();
-  double red = 0, green = 0, blue = 0;
-  int count = 0;
+/// Cubes of consecutive points, and where in them the points lie [m].
+struct VoxelBlock {
+  static constexpr std::size_t SIZE = 512;
+  std::array<std::int32_t, SIZE> column, row, layer;
+  std::array<float, SIZE> x, y, z;
+};
 
+/// The cube of each of at most VoxelBlock::SIZE coordinates, any one for NaN.
+TABLETOP_SIMD_CLONES
+void placeAlong(const float* from, std::size_t count, double leaf, std::int32_t* cube,
+                float* within) {
+  const double per_metre = 1 / leaf;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double value = from[i];
+    cube[i] = VoxelKey::floorOf(value * per_metre);
+    within[i] = static_cast<float>(value - cube[i] * leaf);
+  }
+}
+
+/// Sums over the points of one voxel; places from its corner [m].
+struct VoxelSum {
+  VoxelKey voxel;
+  float x = 0, y = 0, z = 0;
+  std::uint32_t red = 0, green = 0, blue = 0, count = 0;
+
+  Eigen::Vector3f mean(double leaf) const {
+    const Eigen::Vector3d corner = leaf * Eigen::Vector3d(voxel.x, voxel.y, voxel.z);
+    return (corner + Eigen::Vector3d(x, y, z) / count).cast<float>();
+  }
   std::uint32_t meanColor() const {
-    const auto mean = [this](double sum) {
-      return static_cast<std::uint32_t>(std::lround(sum / count));
-    };
+    const auto mean = [this](std::uint32_t sum) { return (sum + count / 2) / count; };
     return mean(red) << 16 | mean(green) << 8 | mean(blue);
   }
+};
+
+/// The occupied voxels in the order of their first points. Bricks of 4 x 4 x 4 voxels are looked
+/// up, voxels in them are addressed: points come in runs that stay in one brick.
+class Voxels {
+ public:
+  VoxelSum& at(const VoxelKey& voxel) {
+    const int brick = bricks_.numberOf({voxel.x >> 2, voxel.y >> 2, voxel.z >> 2});
+    const std::size_t first = static_cast<std::size_t>(brick) * BRICK;
+    if (first == number_of_.size()) number_of_.resize(first + BRICK, -1);
+    int& number = number_of_[first + ((voxel.x & 3) | (voxel.y & 3) << 2 | (voxel.z & 3) << 4)];
+    if (number < 0) {
+      number = static_cast<int>(sums_.size());
+      sums_.push_back({voxel});
+    }
+    return sums_[number];
+  }
+
+  const std::vector<VoxelSum>& sums() const { return sums_; }
+
+ private:
+  static constexpr std::size_t BRICK = 64;  // voxels
+
+  VoxelNumbers bricks_;
+  std::vector<int> number_of_;  // of each voxel of each brick, -1 for none yet
+  std::vector<VoxelSum> sums_;
 };
 
 Eigen::Isometry3d boxPose(const FilterOptions& options) {
@@ -75,25 +125,32 @@ Cloud cropBox(Cloud cloud, const Eigen::Isometry3d& T_camera_box, const Eigen::V
 
 Cloud voxelGrid(const Cloud& cloud, double leaf) {
   checkOption("leaf", leaf, Range{1e-6, 1e3});
-  VoxelNumbers voxels;
-  std::vector<VoxelSum> sums;
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    if (!cloud.valid(i)) continue;
-    const Eigen::Vector3f p = cloud.point(i);
-    const int number = voxels.numberOf(VoxelKey::of(p, 1.0 / leaf));
-    if (number == static_cast<int>(sums.size())) sums.emplace_back();
-    VoxelSum& sum = sums[number];
-    sum.point += p.cast<double>();
-    ++sum.count;
-    if (!cloud.colored()) continue;
-    sum.red += cloud.rgb[i] >> 16 & 0xFF;
-    sum.green += cloud.rgb[i] >> 8 & 0xFF;
-    sum.blue += cloud.rgb[i] & 0xFF;
+  Voxels voxels;
+  VoxelBlock block;
+  for (std::size_t begin = 0; begin < cloud.size(); begin += VoxelBlock::SIZE) {
+    const std::size_t count = std::min(VoxelBlock::SIZE, cloud.size() - begin);
+    placeAlong(&cloud.x[begin], count, leaf, block.column.data(), block.x.data());
+    placeAlong(&cloud.y[begin], count, leaf, block.row.data(), block.y.data());
+    placeAlong(&cloud.z[begin], count, leaf, block.layer.data(), block.z.data());
+    for (std::size_t i = 0; i < count; ++i) {
+      if (!cloud.valid(begin + i)) continue;
+      VoxelSum& sum = voxels.at({block.column[i], block.row[i], block.layer[i]});
+      sum.x += block.x[i];
+      sum.y += block.y[i];
+      sum.z += block.z[i];
+      ++sum.count;
+      if (!cloud.colored()) continue;
+      const std::uint32_t rgb = cloud.rgb[begin + i];
+      sum.red += rgb >> 16 & 0xFF;
+      sum.green += rgb >> 8 & 0xFF;
+      sum.blue += rgb & 0xFF;
+    }
   }
 
+  const auto& sums = voxels.sums();
   Cloud grid(static_cast<int>(sums.size()), 1, cloud.colored());
   for (std::size_t i = 0; i < sums.size(); ++i) {
-    grid.setPoint(i, (sums[i].point / sums[i].count).cast<float>());
+    grid.setPoint(i, sums[i].mean(leaf));
     if (grid.colored()) grid.rgb[i] = sums[i].meanColor();
   }
   return grid;
@@ -140,14 +197,6 @@ Cloud removeRadiusOutliers(const Cloud& cloud, int neighbors, double radius) {
 
 Cloud filterCloud(Cloud cloud, const FilterOptions& options) {
   checkOptions("filter", options);
-  if (!(options.min_range < options.max_range))
-    throw std::invalid_argument("filter.min_range must be below filter.max_range, got " +
-                                std::to_string(options.min_range) + " and " +
-                                std::to_string(options.max_range));
-  if (!(options.crop_min < options.crop_max))
-    throw std::invalid_argument("filter.crop_min must be below filter.crop_max, got " +
-                                std::to_string(options.crop_min) + " and " +
-                                std::to_string(options.crop_max));
 
   Cloud filtered = cropRange(std::move(cloud), options.min_range, options.max_range);
   if (options.crop_axis != "none")

@@ -19,6 +19,20 @@ bool contains(const std::vector<std::string>& words, const std::string& word) {
 
 }  // namespace
 
+void checkOption(const std::string& name, int value, const OddRange& range) {
+  checkOption(name, value, static_cast<const Range&>(range));
+  if (value % 2 == 0)
+    throw std::invalid_argument(name + " must be odd, got " + std::to_string(value));
+}
+
+void checkOrder(const std::string& prefix, const Order& order) {
+  if (order.low < order.high) return;
+  std::ostringstream message;
+  message << prefix << order.low_name << " must be below " << prefix << order.high_name << ", got "
+          << order.low << " and " << order.high;
+  throw std::invalid_argument(message.str());
+}
+
 void checkOption(const std::string& name, const std::string& value, const Choices& choices) {
   if (!contains(choices.words, value))
     throw std::invalid_argument(name + " must be one of " + joined(choices.words) + ", got '" +

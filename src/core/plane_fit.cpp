@@ -19,20 +19,21 @@ constexpr int MAX_DRAWS = 2000;
 constexpr double CONFIDENCE = 0.999;  // that one draw had inliers alone
 constexpr int LANES = 16;             // points that a kernel takes at once
 constexpr std::size_t BLOCK = 4096;   // points summed in single precision before doubles take over
+constexpr std::size_t MARKS = 512;    // that are turned into indices at once
 constexpr std::size_t VALID_BLOCK = 64;  // points among which one of a sample is sought
 
 /// Count, sums and products of coordinates: 1, x y z, xx xy xz yy yz zz.
 using Moments = std::array<double, 10>;
 
-/// Adds the moments, about `middle`, of the points within `band` of a plane. `count` is a multiple
-/// of LANES.
+/// Adds the moments, about `middle`, of the points within `band` of a plane, among every
+/// `share`-th group of LANES points. `count` is a multiple of LANES.
 TABLETOP_SIMD_CLONES
-void addMoments(const float* x, const float* y, const float* z, std::size_t count,
+void addMoments(const float* x, const float* y, const float* z, std::size_t count, int share,
                 const float* plane, float band, const float* middle, double* moments) {
   const float a = plane[0], b = plane[1], c = plane[2], d = plane[3];
   const float mx = middle[0], my = middle[1], mz = middle[2];
   float sums[10][LANES] = {};
-  for (std::size_t i = 0; i < count; i += LANES)
+  for (std::size_t i = 0; i < count; i += static_cast<std::size_t>(share) * LANES)
     for (int l = 0; l < LANES; ++l) {
       const float px = x[i + l], py = y[i + l], pz = z[i + l];
       const bool near = std::abs(a * px + b * py + c * pz + d) <= band;  // false for NaN
@@ -78,25 +79,32 @@ void markBetween(const float* x, const float* y, const float* z, std::size_t cou
   }
 }
 
-/// Where the marks are. Points that are marked come in runs, so most groups are all or nothing.
-Indices indicesOf(const std::vector<std::uint8_t>& marks) {
+/// Appends the indices, from `first` on, of at most MARKS marks that are 1. Points that are marked
+/// come in runs, so most groups are all or nothing.
+void appendMarked(const std::uint8_t* marks, std::size_t count, std::size_t first,
+                  Indices& indices) {
   constexpr std::size_t GROUP = 8;
-  Indices indices(marks.size());
-  std::size_t count = 0;
+  constexpr std::uint64_t ALL = 0x0101010101010101;
+  int found[MARKS];
+  int* end = found;
   const auto take = [&](std::size_t i) {
-    indices[count] = static_cast<int>(i);  // kept only if the next line counts it
-    count += marks[i];
+    *end = static_cast<int>(first + i);  // kept only if the next line counts it
+    end += marks[i];
   };
   std::size_t i = 0;
-  for (; i + GROUP <= marks.size(); i += GROUP) {
+  for (; i + GROUP <= count; i += GROUP) {
     std::uint64_t group;
-    std::memcpy(&group, &marks[i], GROUP);
+    std::memcpy(&group, marks + i, GROUP);
     if (group == 0) continue;
-    for (std::size_t k = 0; k < GROUP; ++k) take(i + k);
+    if (group == ALL) {
+      for (std::size_t k = 0; k < GROUP; ++k) end[k] = static_cast<int>(first + i + k);
+      end += GROUP;
+    } else {
+      for (std::size_t k = 0; k < GROUP; ++k) take(i + k);
+    }
   }
-  for (; i < marks.size(); ++i) take(i);
-  indices.resize(count);
-  return indices;
+  for (; i < count; ++i) take(i);
+  indices.insert(indices.end(), found, end);
 }
 
 /// The points' arrays, lengthened to a multiple of LANES by pixels without a point.
@@ -133,7 +141,7 @@ std::vector<int> validByBlock(const Cloud& cloud) {
   return valid;
 }
 
-Moments momentsNear(const Cloud& cloud, const Eigen::Vector4d& near, double band,
+Moments momentsNear(const Cloud& cloud, const Eigen::Vector4d& near, double band, int share,
                     const Eigen::Vector3d& middle) {
   const Eigen::Vector4f plane = near.cast<float>();
   const Eigen::Vector3f center = middle.cast<float>();
@@ -141,20 +149,29 @@ Moments momentsNear(const Cloud& cloud, const Eigen::Vector4d& near, double band
   const std::size_t whole = cloud.size() / LANES * LANES;
   for (std::size_t i = 0; i < whole; i += BLOCK)
     addMoments(cloud.x.data() + i, cloud.y.data() + i, cloud.z.data() + i,
-               std::min(BLOCK, whole - i), plane.data(), static_cast<float>(band), center.data(),
-               moments.data());
+               std::min(BLOCK, whole - i), share, plane.data(), static_cast<float>(band),
+               center.data(), moments.data());
   const PaddedPoints rest(cloud, whole);
-  addMoments(rest.x.data(), rest.y.data(), rest.z.data(), rest.x.size(), plane.data(),
+  addMoments(rest.x.data(), rest.y.data(), rest.z.data(), rest.x.size(), share, plane.data(),
              static_cast<float>(band), center.data(), moments.data());
   return moments;
 }
 
 }  // namespace
 
-std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& near, double band) {
+Indices indicesOf(const std::vector<std::uint8_t>& marks) {
+  Indices indices;
+  indices.reserve(marks.size());
+  for (std::size_t i = 0; i < marks.size(); i += MARKS)
+    appendMarked(&marks[i], std::min(MARKS, marks.size() - i), i, indices);
+  return indices;
+}
+
+std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& near, double band,
+                                     int share) {
   // About the plane's point nearest to the sensor: products stay small in single precision.
   const Eigen::Vector3d middle = (-near[3] * near.head<3>()).cast<float>().cast<double>();
-  const Moments m = momentsNear(cloud, near, band, middle);
+  const Moments m = momentsNear(cloud, near, band, share, middle);
   const double n = m[0];
   if (n < 3) return std::nullopt;
   const Eigen::Vector3d mean(m[1] / n, m[2] / n, m[3] / n);
@@ -177,10 +194,16 @@ Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double
 
 Indices pointsBetween(const Cloud& cloud, const Eigen::Vector4d& plane, double low, double high) {
   const Eigen::Vector4f q = plane.cast<float>();
-  std::vector<std::uint8_t> between(cloud.size());
-  markBetween(cloud.x.data(), cloud.y.data(), cloud.z.data(), cloud.size(), q.data(),
-              static_cast<float>(low), static_cast<float>(high), between.data());
-  return indicesOf(between);
+  Indices between;
+  between.reserve(cloud.size());
+  std::uint8_t marks[MARKS];  // of a few points: they stay cached
+  for (std::size_t i = 0; i < cloud.size(); i += MARKS) {
+    const std::size_t count = std::min(MARKS, cloud.size() - i);
+    markBetween(&cloud.x[i], &cloud.y[i], &cloud.z[i], count, q.data(), static_cast<float>(low),
+                static_cast<float>(high), marks);
+    appendMarked(marks, count, i, between);
+  }
+  return between;
 }
 
 Cloud samplePoints(const Cloud& cloud, std::size_t size) {

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <random>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -18,9 +20,17 @@ struct PlaneFit {
   std::size_t points = 0;                              ///< that it was fitted to
 };
 
-/// The plane of least squared distances of all points within `band` [m] of `near`; none for fewer
-/// than three of them.
-std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& near, double band);
+/// Of so many points every so manieth group is enough to fix a plane: 100,000 have less noise in
+/// their plane than it has waves.
+inline int shareOf(std::size_t points) { return points > 100000 ? 3 : 1; }
+
+/// The plane of least squared distances of the points within `band` [m] of `near`; none for fewer
+/// than three of them. `share`: only every so manieth group of 16 points is looked at.
+std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& near, double band,
+                                     int share = 1);
+
+/// Where the marks, each 0 or 1, are 1.
+Indices indicesOf(const std::vector<std::uint8_t>& marks);
 
 /// Points within `distance` [m] of a plane.
 Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double distance);

@@ -97,13 +97,13 @@ PlaneRaster rasterOver(const Cloud& cloud, const Eigen::Isometry3d& T_camera_pla
   return raster;
 }
 
-std::vector<int> pointsByCell(const PlaneRaster& raster) {
+std::vector<int> pointsByCell(const PlaneRaster& raster, int share) {
   // Points side by side mostly share a cell: taken from far apart, none has to wait until the one
   // before is counted.
   constexpr std::size_t STREAMS = 8;
   std::vector<int> counts(static_cast<std::size_t>(raster.columns) * raster.rows, 0);
   const std::size_t length = raster.cell.size() / STREAMS;
-  for (std::size_t i = 0; i < length; ++i)
+  for (std::size_t i = 0; i < length; i += static_cast<std::size_t>(share))
     for (std::size_t s = 0; s < STREAMS; ++s) ++counts[raster.cell[s * length + i]];
   for (std::size_t i = STREAMS * length; i < raster.cell.size(); ++i) ++counts[raster.cell[i]];
   counts[0] = 0;

@@ -20,7 +20,7 @@ struct PlaneRaster {
 PlaneRaster rasterOver(const Cloud& cloud, const Eigen::Isometry3d& T_camera_plane, double distance,
                        double side, int max_cells);
 
-/// How many points lie in each cell; none in cell 0.
-std::vector<int> pointsByCell(const PlaneRaster& raster);
+/// How many of every `share`-th point lie in each cell; none in cell 0.
+std::vector<int> pointsByCell(const PlaneRaster& raster, int share);
 
 }  // namespace tabletop_perception

@@ -121,7 +121,8 @@ std::optional<Plane> findLargestPlane(const Cloud& cloud, double distance,
   const auto drawn = drawPlane(sample, distance, constraint, random);
   if (!drawn) return std::nullopt;
   const auto coarse = fitPlaneNear(sample, *drawn, distance);
-  const auto fit = fitPlaneNear(cloud, coarse ? coarse->plane : *drawn, distance);
+  const auto fit =
+      fitPlaneNear(cloud, coarse ? coarse->plane : *drawn, distance, shareOf(cloud.size()));
   if (!fit) return std::nullopt;
   Plane plane;
   plane.plane = fit->plane[3] < 0 ? Eigen::Vector4d(-fit->plane) : fit->plane;

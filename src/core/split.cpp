@@ -12,6 +12,25 @@
 namespace tabletop_perception {
 namespace {
 
+/// The step [pixels] between pixels that are `spacing` apart, by the median angle between
+/// neighbouring pixels of the clusters.
+int stepOf(const Cloud& cloud, const std::vector<Indices>& clusters, double spacing_deg) {
+  constexpr std::size_t STRIDE = 20;  // every so manieth point is asked
+  constexpr long MAX_STEP = 8;
+  std::vector<float> sines;
+  for (const auto& cluster : clusters)
+    for (std::size_t k = 1; k < cluster.size(); k += STRIDE) {
+      const int i = cluster[k];
+      if (cluster[k - 1] != i - 1 || i % cloud.width == 0) continue;
+      sines.push_back(cloud.point(i).normalized().cross(cloud.point(i - 1).normalized()).norm());
+    }
+  if (sines.empty()) return 1;
+  const auto median = sines.begin() + static_cast<std::ptrdiff_t>(sines.size() / 2);
+  std::nth_element(sines.begin(), median, sines.end());
+  const double pixels = spacing_deg * M_PI / 180 / std::max(*median, 1e-6f);
+  return static_cast<int>(std::clamp(std::lround(pixels), 1L, MAX_STEP));
+}
+
 /// Every step-th pixel of the clusters.
 struct Grid {
   int step = 1;
@@ -190,7 +209,8 @@ std::vector<Indices> splitClusters(const Cloud& cloud, const std::vector<Indices
   checkOptions("split", options);
   if (!options.enabled || !cloud.organized() || clusters.empty()) return clusters;
 
-  const Grid grid = gridOf(cloud, clusters, options.step);
+  const int step = stepOf(cloud, clusters, options.spacing_deg);
+  const Grid grid = gridOf(cloud, clusters, step);
   NormalsOptions normals_options;
   normals_options.window = options.window;
   normals_options.step = 1;  // the grid is as sparse as it should be
@@ -199,7 +219,7 @@ std::vector<Indices> splitClusters(const Cloud& cloud, const std::vector<Indices
   growPatches(grid, options.gap, patches);
   RegionGraph graph = graphOf(grid, normals, patches, options);
   graph.joinByVotes();
-  graph.absorbSmall(options.min_points / (options.step * options.step));
+  graph.absorbSmall(options.min_points / (step * step));
 
   std::vector<int> part_of_cell(grid.cells(), -1);
   for (int i = 0; i < grid.cells(); ++i)

@@ -6,6 +6,7 @@
 #include <cstdarg>
 #include <cstdint>
 #include <cstdio>
+#include <cstring>
 #include <iterator>
 #include <limits>
 #include <map>
@@ -24,7 +25,7 @@ namespace {
 
 constexpr int SAMPLE_SIZE = 1000;          // points that a plane is fitted to at first
 constexpr int NORMAL_SAMPLE_SIZE = 1500;   // points of an unorganised cloud that have normals
-constexpr int COARSE_COLUMNS = 160;        // of the grid on which planes are connected
+constexpr int COARSE_COLUMNS = 128;        // of the grid on which planes are connected
 constexpr double LEVEL_COSINE = 0.996;     // of 5 deg: pieces of one level tilt alike
 constexpr double COARSE_TILT_DEG = 2;      // of a plane on that grid from that of all points [deg]
 constexpr double MAX_SHARED = 0.25;        // of a table's points with one before it
@@ -103,13 +104,13 @@ class Flattener {
 };
 
 /// What the points in a cell of the raster are.
-enum CellKind : std::uint8_t { NO_POINTS, PATCH, STRAY };
+enum CellKind : std::uint8_t { NO_POINTS = 0, PATCH = 1, STRAY = 2 };
 
-/// The kind of each cell. The table's points are those of its connected patches, as objects and
-/// their shadows cut one table into several; a plane also meets, by chance, a few points of other
-/// things.
+/// The kind of each cell, by a share of the points. The table's points are those of its connected
+/// patches, as objects and their shadows cut one table into several; a plane also meets, by chance,
+/// a few points of other things.
 std::vector<CellKind> kindsOf(const PlaneRaster& raster) {
-  const std::vector<int> points = pointsByCell(raster);
+  const std::vector<int> points = pointsByCell(raster, shareOf(raster.cell.size()));
   cv::Mat1b occupied(raster.rows, raster.columns);
   std::transform(points.begin(), points.end(), occupied.begin(),
                  [](int count) { return static_cast<std::uint8_t>(count > 0); });
@@ -119,11 +120,22 @@ std::vector<CellKind> kindsOf(const PlaneRaster& raster) {
   for (std::size_t cell = 0; cell < points.size(); ++cell)
     sizes[patches(static_cast<int>(cell))] += points[cell];
   const double least = MIN_PATCH_SHARE * *std::max_element(sizes.begin(), sizes.end());
-  std::vector<CellKind> kinds(points.size(), NO_POINTS);
+  std::vector<CellKind> kinds(points.size(), STRAY);  // also where the share has no point
   for (std::size_t cell = 0; cell < points.size(); ++cell)
-    if (points[cell] > 0)
-      kinds[cell] = sizes[patches(static_cast<int>(cell))] >= least ? PATCH : STRAY;
+    if (points[cell] > 0 && sizes[patches(static_cast<int>(cell))] >= least) kinds[cell] = PATCH;
+  kinds[0] = NO_POINTS;
   return kinds;
+}
+
+/// The kind of each point's cell.
+void lookUp(const int* cell, std::size_t count, const CellKind* kinds, std::uint8_t* kind) {
+  for (std::size_t i = 0; i < count; ++i) kind[i] = kinds[cell[i]];
+}
+
+/// The first value of that kind from `begin` on; null if there is none.
+std::uint8_t* nextOf(CellKind kind, std::uint8_t* begin, std::vector<std::uint8_t>& values) {
+  const auto left = static_cast<std::size_t>(values.data() + values.size() - begin);
+  return static_cast<std::uint8_t*>(std::memchr(begin, kind, left));
 }
 
 /// The first and the last point of a patch in each row of an organised cloud; of an unorganised
@@ -173,18 +185,14 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Cloud& sample, const Eigen::
   table.hull = convexHullOf(outline);
   if (table.hull.empty()) return Found<Table>::none("a plane whose points lie on one line");
 
+  std::vector<std::uint8_t> on_table(cloud.size());
+  lookUp(raster.cell.data(), cloud.size(), kinds.data(), on_table.data());
   const ConvexRegion region(table.hull, HULL_SLACK);
-  table.inliers.resize(cloud.size());
-  std::size_t count = 0;
-  for (int i = 0; i < static_cast<int>(cloud.size()); ++i) {
-    const CellKind kind = kinds[raster.cell[i]];
-    table.inliers[count] = i;  // kept only if the next lines count it
-    count += kind == PATCH;
-    if (kind != STRAY) continue;
-    const Eigen::Vector2f p = flatten(cloud, i);
-    count += region.contains(p.x(), p.y());
+  for (auto* stray = on_table.data(); (stray = nextOf(STRAY, stray, on_table)) != nullptr;) {
+    const Eigen::Vector2f p = flatten(cloud, static_cast<std::size_t>(stray - on_table.data()));
+    *stray = region.contains(p.x(), p.y());
   }
-  table.inliers.resize(count);
+  table.inliers = indicesOf(on_table);
   const Eigen::Vector2d center = centroidOfPolygon(table.hull);
   for (auto& corner : table.hull) corner -= center;
   table.T_camera_table.translate(Eigen::Vector3d(center.x(), center.y(), 0));
@@ -346,6 +354,7 @@ struct NormalSample {
   static NormalsOptions normalsOptions() {
     NormalsOptions options;
     options.step = 1;        // the grid is coarse as it is
+    options.window = 5;      // on it, wider than the default one
     options.neighbors = 10;  // of a thin sample: more would reach beyond the surface
     return options;
   }
@@ -518,6 +527,11 @@ class TableSearch {
 };
 
 }  // namespace
+
+Eigen::Vector3d upOfPitch(double pitch) {
+  const double angle = pitch * M_PI / 180;
+  return {0, -std::cos(angle), -std::sin(angle)};
+}
 
 bool isOver(const Table& table, const Eigen::Vector3f& point, double margin) {
   const Eigen::Vector2f flat =

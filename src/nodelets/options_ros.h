@@ -34,18 +34,18 @@ void readParameter(const std::string& name, XmlRpc::XmlRpcValue value, std::stri
 void readParameter(const std::string& name, XmlRpc::XmlRpcValue value, std::vector<double>& to);
 
 /// Checks a node's parameters against Options: throws std::invalid_argument for a key that is
-/// neither a field nor one of `known`, for a wrong type, and for a value out of range.
+/// neither a field nor one of `known`, for a wrong type, for a value out of range and for two
+/// that contradict each other.
 template <typename Options>
 void checkParameters(const std::string& node, XmlRpc::XmlRpcValue parameters,
                      std::set<std::string> known) {
   if (parameters.getType() != XmlRpc::XmlRpcValue::TypeStruct) return;  // nothing is set
   Options options;
-  options.visitFields([&](const std::string& name, auto& field, const auto&... limits) {
+  options.visitFields([&](const std::string& name, auto& field, const auto&...) {
     known.insert(name);
-    if (!parameters.hasMember(name)) return;
-    readParameter(node + "/" + name, parameters[name], field);
-    (checkOption(node + "/" + name, field, limits), ...);
+    if (parameters.hasMember(name)) readParameter(node + "/" + name, parameters[name], field);
   });
+  checkFields(node + "/", options);
 
   std::string list;
   for (const auto& name : known) list += (list.empty() ? "" : ", ") + name;

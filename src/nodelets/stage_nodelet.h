@@ -45,7 +45,8 @@ class StageNodelet : public nodelet::Nodelet {
   }
 
   /// Keeps `options` as the parameters under `nh` and dynamic_reconfigure say. Throws
-  /// std::invalid_argument for an unknown parameter, a wrong type or a value out of range.
+  /// std::invalid_argument for an unknown parameter, a wrong type, a value out of range or two that
+  /// contradict each other; a reconfiguration that does is refused, and the options stay.
   template <typename Config, typename Options>
   void serveOptions(const ros::NodeHandle& nh, Options& options) {
     XmlRpc::XmlRpcValue set;
@@ -54,9 +55,20 @@ class StageNodelet : public nodelet::Nodelet {
     checkParameters<Options>(nh.getNamespace(), set, own ? parameters_ : std::set<std::string>());
 
     auto server = std::make_shared<dynamic_reconfigure::Server<Config>>(nh);
-    server->setCallback([&options](const Config& config, uint32_t) {
-      options = optionsFromConfig<Options>(config);
-    });
+    const auto accepted = std::make_shared<Config>();
+    server->setCallback(
+        [this, &options, accepted, name = nh.getNamespace()](Config& config, uint32_t) {
+          const auto asked = optionsFromConfig<Options>(config);
+          try {
+            checkFields(name + "/", asked);
+          } catch (const std::invalid_argument& error) {
+            warn(std::string("not changed: ") + error.what());
+            config = *accepted;  // which the server then tells everybody
+            return;
+          }
+          options = asked;
+          *accepted = config;
+        });
     servers_.push_back(server);
   }
 

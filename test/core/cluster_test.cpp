@@ -18,6 +18,7 @@ constexpr float SPACING = 0.002f;  // of the grids below [m]
 ClusterOptions withTolerance(double tolerance, int min_points = 1) {
   ClusterOptions options;
   options.tolerance = tolerance;
+  options.noise_gap = 0;
   options.min_points = min_points;
   return options;
 }
@@ -37,7 +38,10 @@ void dropColumns(Cloud& cloud, int first, int last) {
 }
 
 /// Single linkage by comparing every point with every other; in the order of extractClusters.
-std::vector<Indices> singleLinkage(const Cloud& cloud, double tolerance) {
+std::vector<Indices> singleLinkage(const Cloud& cloud, double tolerance, double noise_gap = 0) {
+  const auto gapAt = [&](int i) {
+    return std::max(tolerance, noise_gap * cloud.point(i).cast<double>().squaredNorm());
+  };
   std::vector<Indices> clusters;
   std::vector<bool> taken(cloud.size(), false);
   for (const int seed : validIndices(cloud)) {
@@ -46,7 +50,8 @@ std::vector<Indices> singleLinkage(const Cloud& cloud, double tolerance) {
     taken[seed] = true;
     for (std::size_t next = 0; next < cluster.size(); ++next)
       for (const int j : validIndices(cloud))
-        if (!taken[j] && (cloud.point(cluster[next]) - cloud.point(j)).norm() <= tolerance) {
+        if (!taken[j] && (cloud.point(cluster[next]) - cloud.point(j)).norm() <=
+                             std::max(gapAt(cluster[next]), gapAt(j))) {
           taken[j] = true;
           cluster.push_back(j);
         }
@@ -170,6 +175,10 @@ TEST(Cluster, OverTheGridIsSingleLinkageOnWallsWithHoles) {
     }
     const double tolerance = (1.2 + 0.05 * round) * SPACING;
     EXPECT_EQ(extractClusters(cloud, withTolerance(tolerance)), singleLinkage(cloud, tolerance))
+        << "round " << round;
+    ClusterOptions noisy = withTolerance(tolerance);
+    noisy.noise_gap = 0.012;
+    EXPECT_EQ(extractClusters(cloud, noisy), singleLinkage(cloud, tolerance, noisy.noise_gap))
         << "round " << round;
   }
 }

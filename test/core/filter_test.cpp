@@ -235,9 +235,9 @@ TEST(Filter, ContradictionsAreRefusedByNameAndValue) {
     return refusalOf([&] { filterCloud(cloud, options); });
   };
   EXPECT_EQ(refusal([](auto& o) { o.min_range = 3; }),
-            "filter.min_range must be below filter.max_range, got 3.000000 and 2.000000");
+            "filter.min_range must be below filter.max_range, got 3 and 2");
   EXPECT_EQ(refusal([](auto& o) { o.crop_min = o.crop_max; }),
-            "filter.crop_min must be below filter.crop_max, got 2.500000 and 2.500000");
+            "filter.crop_min must be below filter.crop_max, got 2.5 and 2.5");
   EXPECT_EQ(refusal([](auto& o) { o.leaf_size = -0.01; }),
             "filter.leaf_size must be between 0 and 0.1, got -0.01");
   EXPECT_EQ(refusal([](auto& o) { o.outliers = "median"; }),

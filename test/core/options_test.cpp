@@ -109,6 +109,23 @@ TEST(Options, ValuesOutOfTheirLimitsAreNamed) {
   EXPECT_EQ(refusal([](Sample& s) { s.word = "c"; }), "sample.word must be one of a, b, got 'c'");
 }
 
+TEST(Options, EvenWindowsAndPairsTheWrongWayRoundAreNamed) {
+  SplitOptions split;
+  split.window = 6;
+  EXPECT_EQ(refusalOf([&] { checkOptions("split", split); }), "split.window must be odd, got 6");
+  split.window = 33;
+  EXPECT_EQ(refusalOf([&] { checkOptions("split", split); }),
+            "split.window must be between 3 and 31, got 33");
+  TableOptions table;
+  table.min_height = table.max_height;
+  EXPECT_EQ(refusalOf([&] { checkOptions("table", table); }),
+            "table.min_height must be below table.max_height, got 0.5 and 0.5");
+  ClusterOptions cluster;
+  cluster.min_points = 500, cluster.max_points = 400;
+  EXPECT_EQ(refusalOf([&] { checkOptions("cluster", cluster); }),
+            "cluster.min_points must be below cluster.max_points, got 500 and 400");
+}
+
 TEST(OptionsYaml, WhatIsNotNamedKeepsItsDefault) {
   const Sample sample = parsed("{count: 7, on: true}");
   EXPECT_EQ(sample.size, 0.5);
@@ -150,7 +167,8 @@ TEST(PipelineOptions, MistakesInAFileAreOneLineThatNamesIt) {
   EXPECT_EQ(
       refusalOfFile("filtre: {}").find(": no such option: options.filtre; there are filter, "), 0u);
   EXPECT_EQ(refusalOfFile("cluster:\n  tolerence: 0.01"),
-            ": no such option: cluster.tolerence; there are tolerance, min_points, max_points");
+            ": no such option: cluster.tolerence; there are tolerance, noise_gap, min_points, "
+            "max_points");
   EXPECT_EQ(refusalOfFile("cluster:\n  tolerance: 5"),
             ": cluster.tolerance must be between 0.001 and 0.2, got 5");
   EXPECT_EQ(refusalOfFile("cluster:\n  tolerance: wide"),

@@ -498,6 +498,13 @@ TEST(Table, ABoardAboveItIsAnotherAndTheTopOfAThingIsNone) {
   EXPECT_GT(on_table[2], 10000);
 }
 
+TEST(Table, UpFollowsFromTheCamerasPitch) {
+  EXPECT_TRUE(upOfPitch(0).isApprox(Eigen::Vector3d(0, -1, 0)));
+  EXPECT_TRUE(upOfPitch(90).isApprox(Eigen::Vector3d(0, 0, -1)));  // looks straight down
+  const double half = std::sqrt(0.5);
+  EXPECT_TRUE(upOfPitch(45).isApprox(Eigen::Vector3d(0, -half, -half)));
+}
+
 TEST(Table, OptionsOutOfRangeAreRefused) {
   TableOptions options;
   options.max_tilt_deg = 100;
