@@ -1,6 +1,7 @@
 #include "conversions.h"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cstring>
 
@@ -25,9 +26,8 @@ PackedCloud packedView(const sensor_msgs::PointCloud2& message) {
   return packed;
 }
 
-/// Adds a field of four bytes at the end of the point and gives back its offset [bytes].
-std::uint32_t addField(sensor_msgs::PointCloud2& message, const std::string& name,
-                       std::uint8_t datatype) {
+/// Adds a field of four bytes at the end of the point.
+void addField(sensor_msgs::PointCloud2& message, const std::string& name, std::uint8_t datatype) {
   sensor_msgs::PointField field;
   field.name = name;
   field.offset = message.point_step;
@@ -35,17 +35,22 @@ std::uint32_t addField(sensor_msgs::PointCloud2& message, const std::string& nam
   field.count = 1;
   message.fields.push_back(field);
   message.point_step += 4;
-  return field.offset;
 }
 
-template <typename T>
-void writeField(sensor_msgs::PointCloud2& message, std::uint32_t offset,
-                const std::vector<T>& values) {
-  static_assert(sizeof(T) == 4);
-  auto* to = message.data.data() + offset;
-  for (const T& value : values) {
-    std::memcpy(to, &value, sizeof(T));
-    to += message.point_step;
+/// Appends columns of 4-byte values, one of each per point, side by side. In blocks: bytes that are
+/// made room for are cleared first, those that are appended are not.
+template <std::size_t COUNT>
+void appendPoints(const std::array<const void*, COUNT>& columns, std::size_t points,
+                  std::vector<std::uint8_t>& data) {
+  constexpr std::size_t WIDTH = 4, BLOCK = 256;
+  data.reserve(points * COUNT * WIDTH);
+  std::uint8_t block[BLOCK * COUNT * WIDTH];
+  for (std::size_t begin = 0; begin < points; begin += BLOCK) {
+    std::uint8_t* to = block;
+    for (std::size_t i = begin; i < std::min(points, begin + BLOCK); ++i)
+      for (std::size_t k = 0; k < COUNT; ++k, to += WIDTH)
+        std::memcpy(to, static_cast<const std::uint8_t*>(columns[k]) + WIDTH * i, WIDTH);
+    data.insert(data.end(), block, to);
   }
 }
 
@@ -82,20 +87,20 @@ sensor_msgs::PointCloud2Ptr messageFromCloud(const Cloud& cloud, const std_msgs:
   message->height = cloud.height;
   message->is_dense = false;
 
-  const auto x = addField(*message, "x", PointField::FLOAT32);
-  const auto y = addField(*message, "y", PointField::FLOAT32);
-  const auto z = addField(*message, "z", PointField::FLOAT32);
+  for (const char* axis : {"x", "y", "z"}) addField(*message, axis, PointField::FLOAT32);
   // The bits of a colour are declared as a float: what PCL and rviz expect.
-  const auto rgb = cloud.colored() ? addField(*message, "rgb", PointField::FLOAT32) : 0;
-  const auto label = labels ? addField(*message, "label", PointField::UINT32) : 0;
+  if (cloud.colored()) addField(*message, "rgb", PointField::FLOAT32);
+  if (labels) addField(*message, "label", PointField::UINT32);
 
   message->row_step = message->point_step * message->width;
-  message->data.resize(cloud.size() * message->point_step);
-  writeField(*message, x, cloud.x);
-  writeField(*message, y, cloud.y);
-  writeField(*message, z, cloud.z);
-  if (cloud.colored()) writeField(*message, rgb, cloud.rgb);
-  if (labels) writeField(*message, label, *labels);
+  const void *x = cloud.x.data(), *y = cloud.y.data(), *z = cloud.z.data();
+  const void *rgb = cloud.rgb.data(), *label = labels ? labels->data() : nullptr;
+  if (cloud.colored() && labels)
+    appendPoints<5>({x, y, z, rgb, label}, cloud.size(), message->data);
+  else if (cloud.colored() || labels)
+    appendPoints<4>({x, y, z, labels ? label : rgb}, cloud.size(), message->data);
+  else
+    appendPoints<3>({x, y, z}, cloud.size(), message->data);
   return message;
 }
 

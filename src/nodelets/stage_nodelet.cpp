@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <exception>
 
+#include "tabletop_perception/frame_memory.h"
+
 namespace tabletop_perception {
 
 void StageNodelet::onInit() {
+  keepFrameMemory();
   try {
     std::lock_guard<std::mutex> lock(mutex_);  // a listener may come before start() is through
     start();

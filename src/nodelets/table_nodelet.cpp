@@ -21,14 +21,15 @@ namespace tabletop_perception {
 /// TableArray of all of them, `~table` Table, the main one, and its tf frame. Every frame is
 /// answered, also one without a table.
 ///
-/// Parameters: `up`, the direction against gravity in the cloud's frame [x, y, z], or `up_frame`,
-/// the tf frame whose z axis it is, with `up_timeout` [s]; `table_frame` and `publish_tf`.
+/// Parameters: `up`, the direction against gravity in the cloud's frame [x, y, z], or `pitch`, how
+/// far a level camera looks below the horizon [deg], or `up_frame`, the tf frame whose z axis is
+/// up, with `up_timeout` [s]; `table_frame` and `publish_tf`.
 class TableNodelet : public StageNodelet {
   void start() override {
-    const auto up = parameter("up", std::vector<double>{0, 0, 0});
-    if (up.size() != 3) throw std::invalid_argument("up must be [x, y, z]");
-    up_ = {up[0], up[1], up[2]};
+    up_ = statedUp();
     up_frame_ = parameter("up_frame", std::string());
+    if (up_ && !up_frame_.empty())
+      throw std::invalid_argument("up is given twice: by up_frame and by up or pitch; keep one");
     up_timeout_ = parameter("up_timeout", 0.2);
     table_frame_ = parameter("table_frame", std::string("table"));
     publish_tf_ = parameter("publish_tf", true);
@@ -67,6 +68,20 @@ class TableNodelet : public StageNodelet {
     });
   }
 
+  /// Up in the cloud's frame as `up` or `pitch` say; none if neither does.
+  std::optional<Eigen::Vector3d> statedUp() {
+    const auto up = parameter("up", std::vector<double>{0, 0, 0});
+    if (up.size() != 3) throw std::invalid_argument("up must be [x, y, z]");
+    const Eigen::Vector3d direction(up[0], up[1], up[2]);
+    const double pitch = parameter("pitch", NO_PITCH);
+    if (pitch == NO_PITCH)
+      return direction.isZero() ? std::nullopt : std::optional(direction.normalized());
+    checkOption("pitch", pitch, Range{-90, 90});
+    if (!direction.isZero())
+      throw std::invalid_argument("up is given twice: by up and by pitch; keep one");
+    return upOfPitch(pitch);
+  }
+
   /// The tables, or why there is none: also when up is not known although it should be.
   Found<std::vector<Table>> tablesIn(const Cloud& cloud, const std_msgs::Header& header) {
     std::optional<Eigen::Vector3d> up;
@@ -81,7 +96,7 @@ class TableNodelet : public StageNodelet {
 
   /// The direction against gravity in the cloud's frame, if it is to be used.
   std::optional<Eigen::Vector3d> upIn(const std_msgs::Header& header) {
-    if (up_frame_.empty()) return up_.isZero() ? std::nullopt : std::optional(up_.normalized());
+    if (up_frame_.empty()) return up_;
     const auto deadline = std::chrono::steady_clock::now() +
                           std::chrono::duration_cast<std::chrono::steady_clock::duration>(
                               std::chrono::duration<double>(up_timeout_));
@@ -91,7 +106,8 @@ class TableNodelet : public StageNodelet {
   }
 
   TableOptions options_;
-  Eigen::Vector3d up_;
+  static constexpr double NO_PITCH = 1000;  // [deg]: the parameter is not set
+  std::optional<Eigen::Vector3d> up_;
   std::string up_frame_;
   double up_timeout_;
   std::string table_frame_;

@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include "commands.h"
+#include "tabletop_perception/frame_memory.h"
 
 namespace {
 
@@ -37,6 +38,7 @@ int finish(int exit_code) {
 
 int main(int argc, char** argv) {
   using namespace tabletop_perception::tools;
+  tabletop_perception::keepFrameMemory();
   CLI::App app{"Finds tables, the objects on them and their 6D poses in depth camera clouds.",
                "tabletop"};
   app.set_version_flag("--version", "tabletop " TABLETOP_VERSION);

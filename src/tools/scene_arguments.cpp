@@ -22,10 +22,18 @@ void addSceneArguments(CLI::App& command, SceneArguments& arguments) {
       .add_option("--config", arguments.config,
                   "yaml file with a section per stage (default: built-in values)")
       ->type_name("YAML");
-  command.add_option("--up", arguments.up, "direction against gravity in the cloud's frame")
-      ->type_size(3)
-      ->expected(1)
-      ->type_name("X Y Z");
+  auto* up =
+      command.add_option("--up", arguments.up, "direction against gravity in the cloud's frame")
+          ->type_size(3)
+          ->expected(1)
+          ->type_name("X Y Z");
+  command
+      .add_option("--pitch", arguments.pitch,
+                  "instead: angle by which a level camera with an optical frame looks below the "
+                  "horizon [deg]")
+      ->check(CLI::Range(-90.0, 90.0))
+      ->type_name("DEG")
+      ->excludes(up);
   command.add_flag("--json", arguments.json,
                    "print one JSON object per scene and line [metres, seconds, times in ms]");
 }
@@ -35,6 +43,7 @@ PipelineOptions pipelineOptions(const SceneArguments& arguments) {
 }
 
 std::optional<Eigen::Vector3d> statedUp(const SceneArguments& arguments) {
+  if (arguments.pitch) return upOfPitch(*arguments.pitch);
   if (arguments.up.empty()) return std::nullopt;
   const Eigen::Vector3d up(arguments.up[0], arguments.up[1], arguments.up[2]);
   if (!up.allFinite() || up.isZero())

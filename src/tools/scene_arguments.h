@@ -22,6 +22,7 @@ struct SceneArguments {
   std::string topic;                ///< of bags; empty: the only one with clouds
   std::string config;               ///< yaml file with a section per stage; empty: defaults
   std::vector<double> up;           ///< three numbers, or none
+  std::optional<double> pitch;      ///< of the camera below the horizon, instead of up [deg]
   bool json = false;                ///< one JSON object per scene and line instead of tables
 };
 
@@ -31,7 +32,7 @@ void addSceneArguments(CLI::App& command, SceneArguments& arguments);
 /// The pipeline's options as --config says. Throws std::invalid_argument for a bad file.
 PipelineOptions pipelineOptions(const SceneArguments& arguments);
 
-/// The direction of --up, unit length. Throws std::invalid_argument for a zero vector.
+/// The direction of --up or --pitch, unit length. Throws std::invalid_argument for a zero vector.
 std::optional<Eigen::Vector3d> statedUp(const SceneArguments& arguments);
 
 /// The models of a database. Throws std::invalid_argument when it cannot be read or holds none.

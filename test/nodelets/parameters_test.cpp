@@ -1,3 +1,4 @@
+#include <dynamic_reconfigure/Reconfigure.h>
 #include <gtest/gtest.h>
 #include <nodelet/NodeletList.h>
 #include <nodelet/NodeletLoad.h>
@@ -76,6 +77,35 @@ TEST_F(Parameters, rightOnesStartAndAWholeNumberIsANumber) {
   double range = 0;
   EXPECT_TRUE(nh_.getParam("/right/max_range", range));
   EXPECT_EQ(range, 3);
+}
+
+TEST_F(Parameters, contradictionsAreRefusedAtTheStart) {
+  nh_.setParam("/crossed/min_range", 3.0);
+  load("/crossed", "filter");
+  expectRefused("/crossed", {"/crossed/min_range must be below /crossed/max_range, got 3 and 2"});
+  nh_.setParam("/twice/pitch", 30);
+  nh_.setParam("/twice/up", std::vector<double>{0, -1, 0});
+  load("/twice", "table");
+  expectRefused("/twice", {"up is given twice"});
+}
+
+TEST_F(Parameters, aLiveChangeThatContradictsChangesNothing) {
+  load("/live", "filter");
+  ASSERT_TRUE(ros::service::waitForService("/live/set_parameters", 5000));
+  const auto changed = [](double min_range) {
+    dynamic_reconfigure::Reconfigure call;
+    dynamic_reconfigure::DoubleParameter parameter;
+    parameter.name = "min_range";
+    parameter.value = min_range;
+    call.request.config.doubles.push_back(parameter);
+    EXPECT_TRUE(ros::service::call("/live/set_parameters", call));
+    for (const auto& value : call.response.config.doubles)
+      if (value.name == "min_range") return value.value;
+    return -1.0;
+  };
+  EXPECT_EQ(changed(0.5), 0.5);
+  EXPECT_EQ(changed(5), 0.5);  // above max_range
+  EXPECT_EQ(changed(0.4), 0.4);
 }
 
 }  // namespace
