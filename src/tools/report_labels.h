@@ -1,12 +1,12 @@
 #pragma once
 
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <string>
 #include <vector>
 
 #include "evaluate_labels.h"
+#include "report_page.h"
 
 namespace tabletop_perception::tools {
 
@@ -25,8 +25,7 @@ class LabelReport {
              const std::map<std::string, std::filesystem::path>& without_truth);
 
  private:
-  std::filesystem::path folder_;
-  std::ofstream page_;
+  ReportPage page_;
 };
 
 }  // namespace tabletop_perception::tools
