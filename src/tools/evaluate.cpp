@@ -97,7 +97,7 @@ void evaluate(const EvaluateArguments& arguments) {
     evaluateLabels(arguments.labels, arguments.results, arguments.json, arguments.report);
   else
     evaluatePoses(arguments.poses, arguments.models, arguments.results, arguments.unknown,
-                  arguments.json);
+                  arguments.json, arguments.report);
 }
 
 }  // namespace
@@ -106,11 +106,10 @@ void addEvaluate(CLI::App& app) {
   auto* command = app.add_subcommand("evaluate", "compare results with the truth");
   const auto arguments = std::make_shared<EvaluateArguments>();
   auto* truth = command->add_option_group("truth");
-  auto* labels = truth->add_option(
-      "--labels", arguments->labels,
-      "folder of NAME.pcd with the truth as labels: 0 invalid, 1-9 table, 20-29 "
-      "parts of object 1, 30-39 of object 2 ...; gt_summary.json there may say the "
-      "scenes' categories");
+  truth->add_option("--labels", arguments->labels,
+                    "folder of NAME.pcd with the truth as labels: 0 invalid, 1-9 table, 20-29 "
+                    "parts of object 1, 30-39 of object 2 ...; gt_summary.json there may say the "
+                    "scenes' categories");
   auto* poses = truth->add_option("--poses", arguments->poses,
                                   "folder of NAME/gt.json with the truth as poses");
   truth->require_option(1);
@@ -131,10 +130,9 @@ void addEvaluate(CLI::App& app) {
   command->add_flag("--json", arguments->json, "print one JSON object (shares 0 to 1, metres)");
   command
       ->add_option("--report", arguments->report,
-                   "write an HTML page with pictures of every scene to DIR/index.html; results "
-                   "without truth are shown too")
-      ->type_name("DIR")
-      ->needs(labels);
+                   "write an HTML page with pictures of every scene to DIR/index.html; labels: "
+                   "results without truth are shown too")
+      ->type_name("DIR");
   command->footer(
       "Labels: F, precision and recall of the points that matched segments and objects share, as\n"
       "means over scenes; objects matched with an IoU of at least 0.75, over all scenes; IoU of\n"

@@ -19,10 +19,10 @@ void evaluateLabels(const std::filesystem::path& truth, const std::filesystem::p
                     bool json, const std::filesystem::path& report);
 
 /// Compares results as `recognize --output` writes them with folders that have a gt.json.
-/// `unknown`: names of the truth that were not taught.
+/// `unknown`: names of the truth that were not taught. `report`: as above.
 void evaluatePoses(const std::filesystem::path& truth, const std::filesystem::path& models,
                    const std::filesystem::path& results, const std::vector<std::string>& unknown,
-                   bool json);
+                   bool json, const std::filesystem::path& report);
 
 /// Throws unless it is a folder. `option`: the name that it was given under.
 void checkFolder(const std::filesystem::path& folder, const std::string& option);

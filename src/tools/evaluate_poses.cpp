@@ -7,6 +7,8 @@
 #include <stdexcept>
 
 #include "evaluate.h"
+#include "evaluate_poses.h"
+#include "report_poses.h"
 #include "scene_source.h"
 #include "tabletop_perception/bop_metrics.h"
 #include "tabletop_perception/geometry.h"
@@ -20,34 +22,6 @@ using nlohmann::ordered_json;
 namespace {
 
 constexpr double ROTATION_TOLERANCE = 1e-3;  // of R R^T against the identity
-
-/// An object of the truth.
-struct TrueObject : PosedObject {
-  std::optional<double> visible;  ///< share of it that the camera sees, where the truth says it
-};
-
-/// What a result gives a name.
-struct NamedResult : PosedObject {
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  ///< of its points, else of its frame [m]
-};
-
-/// A scene of the truth, and how its result came out.
-struct PosedScene {
-  std::string name;
-  fs::path folder;
-  std::vector<TrueObject> truth;    ///< of names that were taught
-  std::vector<TrueObject> unknown;  ///< of names that were not
-  bool has_result = false;
-  std::vector<NamedResult> results;
-  std::optional<double> time_ms;  ///< that the result took
-  PoseScore score;
-  std::size_t false_accepts = 0;  ///< unknown objects that were given a name
-  /// Of each object of `truth`; absent where there is no depth image.
-  std::optional<std::vector<std::optional<BopRecall>>> bop;
-  /// Height of each true object's lowest vertex above the table that was found [m]; of things that
-  /// stand on it: how far the table is off. Empty without a table.
-  std::vector<double> lowest;
-};
 
 /// [[r, r, r, t], [r, r, r, t], [r, r, r, t]]
 Eigen::Isometry3d poseFromRows(const json& rows) {
@@ -108,7 +82,9 @@ PosedScene readTruth(const fs::path& folder, const std::set<std::string>& unknow
 void readResult(const fs::path& file, PosedScene& scene) {
   visitJson(file, [&](const json& content) {
     visitObjects(content, file, [&](const std::string& name, const json& object) {
-      NamedResult one{{name, poseFromParts(object.at("pose"))}, {}};
+      NamedResult one{{name, poseFromParts(object.at("pose"))}, {}, std::nullopt};
+      if (const auto score = object.find("score"); score != object.end())
+        one.score = score->get<double>();
       const auto box = object.find("box");
       one.middle = box == object.end() ? one.T_camera_object.translation()
                                        : poseFromParts(box->at("pose")).translation();
@@ -182,16 +158,11 @@ std::map<std::string, std::string> readSymmetries(const fs::path& models) {
   return symmetries;
 }
 
-struct Models {
-  std::map<std::string, ReferenceModel> reference;
-  std::map<std::string, MeshRenderer> renderers;
-};
-
 /// The models of all objects in the truth.
-Models readModels(const fs::path& folder, const std::vector<PosedScene>& scenes) {
+TrueModels readModels(const fs::path& folder, const std::vector<PosedScene>& scenes) {
   checkFolder(folder, "--models");
   auto symmetries = readSymmetries(folder);
-  Models models;
+  TrueModels models;
   for (const auto& scene : scenes)
     for (const auto* objects : {&scene.truth, &scene.unknown})
       for (const auto& object : *objects) {
@@ -205,7 +176,7 @@ Models readModels(const fs::path& folder, const std::vector<PosedScene>& scenes)
 
 /// Unknown objects that results with a name are nearest to, by the middles, of all true objects; a
 /// result that is right has its object.
-std::size_t countFalseAccepts(const PosedScene& scene, const Models& models) {
+std::size_t countFalseAccepts(const PosedScene& scene, const TrueModels& models) {
   const auto squaredDistance = [&](const TrueObject& object, const NamedResult& result) {
     const auto& vertices = models.reference.at(object.name).vertices.points();
     return (object.T_camera_object * centroidOf(vertices).cast<double>() - result.middle)
@@ -232,7 +203,7 @@ std::size_t countFalseAccepts(const PosedScene& scene, const Models& models) {
 
 /// None without a depth image.
 std::optional<std::vector<std::optional<BopRecall>>> bopRecalls(const PosedScene& scene,
-                                                                const Models& models) {
+                                                                const TrueModels& models) {
   if (!fs::exists(scene.folder / "depth.png")) return std::nullopt;
   std::vector<std::optional<BopRecall>> recalls(scene.truth.size());
   visitScenes({scene.folder.string()}, "", [&](const Scene& seen) {
@@ -252,55 +223,6 @@ std::optional<std::vector<std::optional<BopRecall>>> bopRecalls(const PosedScene
   return recalls;
 }
 
-/// What a set of scenes gives beyond the figures of its poses.
-struct FurtherFigures {
-  struct Bin {
-    double from = 0, to = 0;  ///< of the visible share; the last holds its end too
-    std::size_t objects = 0, right = 0;
-  };
-  std::optional<BopRecall> bop;  ///< over the scenes with a depth image
-  std::size_t unknown = 0, false_accepts = 0;
-  std::vector<Bin> visibility;  ///< empty where the truth does not say what is seen
-  std::optional<double> mean_time_ms, max_time_ms;
-};
-
-FurtherFigures furtherFigures(const std::vector<PosedScene>& scenes) {
-  constexpr int BINS = 5;
-  FurtherFigures figures;
-  std::vector<std::optional<BopRecall>> recalls;
-  std::vector<FurtherFigures::Bin> bins(BINS);
-  for (int b = 0; b < BINS; ++b) bins[b].from = b / 5.0, bins[b].to = (b + 1) / 5.0;
-  bool any_visible = false;
-  double sum = 0;
-  std::size_t timed = 0;
-  for (const auto& scene : scenes) {
-    if (scene.bop) recalls.insert(recalls.end(), scene.bop->begin(), scene.bop->end());
-    figures.unknown += scene.unknown.size();
-    figures.false_accepts += scene.false_accepts;
-    for (std::size_t i = 0; i < scene.truth.size(); ++i) {
-      if (!scene.truth[i].visible) continue;
-      any_visible = true;
-      auto& bin = bins[std::clamp(static_cast<int>(*scene.truth[i].visible * BINS), 0, BINS - 1)];
-      ++bin.objects;
-      bin.right += scene.score.truth[i].right();
-    }
-    if (!scene.time_ms) continue;
-    ++timed;
-    sum += *scene.time_ms;
-    figures.max_time_ms = std::max(figures.max_time_ms.value_or(0), *scene.time_ms);
-  }
-  figures.bop = meanRecall(recalls);
-  if (any_visible) figures.visibility = bins;
-  if (timed > 0) figures.mean_time_ms = sum / static_cast<double>(timed);
-  return figures;
-}
-
-std::vector<PoseScore> scoresOf(const std::vector<PosedScene>& scenes) {
-  std::vector<PoseScore> scores;
-  for (const auto& scene : scenes) scores.push_back(scene.score);
-  return scores;
-}
-
 /// "-3.1 to 0.2" [mm]
 std::string lowestText(const std::vector<double>& lowest) {
   if (lowest.empty()) return "no table";
@@ -308,56 +230,24 @@ std::string lowestText(const std::vector<double>& lowest) {
   return formatted(*least, 1000, 1) + " to " + formatted(*most, 1000, 1);
 }
 
-std::vector<std::string> rowOf(const std::string& name, const PoseSummary& summary) {
-  const auto percent = [](std::optional<double> share) { return formatted(share, 100, 1); };
-  return {name,
-          std::to_string(summary.right) + "/" + std::to_string(summary.objects),
-          percent(summary.rightShare()),
-          percent(summary.closeShare()),
-          percent(summary.add_s_auc),
-          percent(summary.namedShare()),
-          std::to_string(summary.right) + "/" + std::to_string(summary.results),
-          percent(summary.precision()),
-          formatted(summary.median_translation, 1000, 1)};
-}
-
-void printFurther(const FurtherFigures& figures) {
-  const auto percent = [](double share) { return formatted(share, 100, 1) + " %"; };
-  std::vector<std::vector<std::string>> rows;
-  if (figures.bop)
-    rows.push_back({"BOP average recall, indicative", percent(figures.bop->average()), "VSD",
-                    percent(figures.bop->vsd), "MSSD", percent(figures.bop->mssd), "MSPD",
-                    percent(figures.bop->mspd)});
-  if (figures.unknown > 0)
-    rows.push_back({"unknown things given a name",
-                    std::to_string(figures.false_accepts) + "/" + std::to_string(figures.unknown)});
-  for (const auto& bin : figures.visibility)
-    rows.push_back({"right where " + formatted(bin.from, 100, 0) + " to " +
-                        formatted(bin.to, 100, 0) + " % are visible",
-                    std::to_string(bin.right) + "/" + std::to_string(bin.objects)});
-  if (figures.mean_time_ms)
-    rows.push_back({"time per scene, mean and most", formatted(figures.mean_time_ms, 1, 1) + " ms",
-                    formatted(figures.max_time_ms, 1, 1) + " ms"});
-  if (!rows.empty()) std::printf("\n");
-  printColumns(rows);
-}
-
 void printText(const std::vector<PosedScene>& scenes) {
   const auto scores = scoresOf(scenes);
   std::vector<std::vector<std::string>> rows;
-  rows.push_back({"", "right", "right %", "ADD-S %", "AUC %", "named %", "of results",
-                  "precision %", "median mm", "lowest above table mm"});
+  rows.push_back(poseHeads());
+  rows.back().push_back("lowest above table mm");
   for (const auto& scene : scenes) {
-    rows.push_back(rowOf(scene.name, summarize({scene.score})));
+    rows.push_back(poseRow(scene.name, summarize({scene.score})));
     rows.back().push_back(lowestText(scene.lowest));
   }
   rows.emplace_back();
   for (const auto& name : namesIn(scores))
-    rows.push_back(rowOf(name, summarize(ofName(scores, name))));
+    rows.push_back(poseRow(name, summarize(ofName(scores, name))));
   rows.emplace_back();
-  rows.push_back(rowOf("all " + std::to_string(scenes.size()) + " scenes", summarize(scores)));
+  rows.push_back(poseRow("all " + std::to_string(scenes.size()) + " scenes", summarize(scores)));
   printColumns(rows);
-  printFurther(furtherFigures(scenes));
+  const auto further = furtherRows(furtherFigures(scenes));
+  if (!further.empty()) std::printf("\n");
+  printColumns(further);
 }
 
 ordered_json furtherJson(const FurtherFigures& figures) {
@@ -432,8 +322,85 @@ void printJson(const std::vector<PosedScene>& scenes) {
 
 }  // namespace
 
+FurtherFigures furtherFigures(const std::vector<PosedScene>& scenes) {
+  constexpr int BINS = 5;
+  FurtherFigures figures;
+  std::vector<std::optional<BopRecall>> recalls;
+  std::vector<FurtherFigures::Bin> bins(BINS);
+  for (int b = 0; b < BINS; ++b) bins[b].from = b / 5.0, bins[b].to = (b + 1) / 5.0;
+  bool any_visible = false;
+  double sum = 0;
+  std::size_t timed = 0;
+  for (const auto& scene : scenes) {
+    if (scene.bop) recalls.insert(recalls.end(), scene.bop->begin(), scene.bop->end());
+    figures.unknown += scene.unknown.size();
+    figures.false_accepts += scene.false_accepts;
+    for (std::size_t i = 0; i < scene.truth.size(); ++i) {
+      if (!scene.truth[i].visible) continue;
+      any_visible = true;
+      auto& bin = bins[std::clamp(static_cast<int>(*scene.truth[i].visible * BINS), 0, BINS - 1)];
+      ++bin.objects;
+      bin.right += scene.score.truth[i].right();
+    }
+    if (!scene.time_ms) continue;
+    ++timed;
+    sum += *scene.time_ms;
+    figures.max_time_ms = std::max(figures.max_time_ms.value_or(0), *scene.time_ms);
+  }
+  figures.bop = meanRecall(recalls);
+  if (any_visible) figures.visibility = bins;
+  if (timed > 0) figures.mean_time_ms = sum / static_cast<double>(timed);
+  return figures;
+}
+
+std::vector<PoseScore> scoresOf(const std::vector<PosedScene>& scenes) {
+  std::vector<PoseScore> scores;
+  for (const auto& scene : scenes) scores.push_back(scene.score);
+  return scores;
+}
+
+std::vector<std::string> poseHeads() {
+  return {"",        "right",      "right %",     "ADD-S %",  "AUC %",
+          "named %", "of results", "precision %", "median mm"};
+}
+
+std::vector<std::string> poseRow(const std::string& name, const PoseSummary& summary) {
+  const auto percent = [](std::optional<double> share) { return formatted(share, 100, 1); };
+  return {name,
+          std::to_string(summary.right) + "/" + std::to_string(summary.objects),
+          percent(summary.rightShare()),
+          percent(summary.closeShare()),
+          percent(summary.add_s_auc),
+          percent(summary.namedShare()),
+          std::to_string(summary.right) + "/" + std::to_string(summary.results),
+          percent(summary.precision()),
+          formatted(summary.median_translation, 1000, 1)};
+}
+
+std::vector<std::vector<std::string>> furtherRows(const FurtherFigures& figures) {
+  const auto percent = [](double share) { return formatted(share, 100, 1) + " %"; };
+  std::vector<std::vector<std::string>> rows;
+  if (figures.bop)
+    rows.push_back({"BOP average recall, indicative", percent(figures.bop->average()), "VSD",
+                    percent(figures.bop->vsd), "MSSD", percent(figures.bop->mssd), "MSPD",
+                    percent(figures.bop->mspd)});
+  if (figures.unknown > 0)
+    rows.push_back({"unknown things given a name",
+                    std::to_string(figures.false_accepts) + "/" + std::to_string(figures.unknown)});
+  for (const auto& bin : figures.visibility)
+    rows.push_back({"right where " + formatted(bin.from, 100, 0) + " to " +
+                        formatted(bin.to, 100, 0) + " % are visible",
+                    std::to_string(bin.right) + "/" + std::to_string(bin.objects)});
+  if (figures.mean_time_ms)
+    rows.push_back({"time per scene, mean and most", formatted(figures.mean_time_ms, 1, 1) + " ms",
+                    formatted(figures.max_time_ms, 1, 1) + " ms"});
+  return rows;
+}
+
 void evaluatePoses(const fs::path& truth, const fs::path& models_folder, const fs::path& results,
-                   const std::vector<std::string>& unknown, bool json) {
+                   const std::vector<std::string>& unknown, bool json, const fs::path& report) {
+  std::optional<PoseReport> page;
+  if (!report.empty()) page.emplace(report);
   auto scenes = readScenes(truth, {unknown.begin(), unknown.end()});
   std::vector<std::string> names;
   for (const auto& scene : scenes) names.push_back(scene.name);
@@ -452,6 +419,7 @@ void evaluatePoses(const fs::path& truth, const fs::path& models_folder, const f
       scene.lowest = lowestVertices(scene.truth, models.reference, *plane);
   }
   json ? printJson(scenes) : printText(scenes);
+  if (page) page->write(scenes, models);
 }
 
 }  // namespace tabletop_perception::tools

@@ -195,12 +195,5 @@ TEST_F(ReportLabels, refusesAFolderThatCannotBeWritten) {
   }
 }
 
-TEST_F(ReportLabels, wantsLabels) {
-  CLI::App app;
-  addEvaluate(app);
-  EXPECT_THROW(app.parse("evaluate --poses . --models . --results . --report x", false),
-               CLI::ParseError);
-}
-
 }  // namespace
 }  // namespace tabletop_perception::tools
