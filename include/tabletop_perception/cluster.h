@@ -24,7 +24,8 @@ struct ClusterOptions {
   }
 
   std::vector<Order> order() const {
-    return {{"min_points", double(min_points), "max_points", double(max_points)}};
+    return {{"min_points", static_cast<double>(min_points), "max_points",
+             static_cast<double>(max_points)}};
   }
 };
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 
+#include "settle_turn.h"
 #include "tabletop_perception/normals.h"
 
 namespace tabletop_perception {
@@ -18,15 +18,6 @@ constexpr double RIVAL_OVERLAP = 0.5;  // share of an object's points that a riv
 constexpr double MIN_SHARE_OF_CLUSTER = 0.3;  // that an object explains if the cluster shows it
 constexpr double TAKEN_SHARE = 0.5;  // of a cluster that objects explain: it is no unknown thing
 constexpr double MIN_LEFT_SHARE = 0.15;  // of a cluster that is worth another look
-
-constexpr int MAX_TURN_POINTS = 3000;    // that tell near symmetries apart
-constexpr double TURN_REACH = 0.015;     // of points about the model that count [m]
-constexpr double TURN_DISTANCE = 0.006;  // farther off a point says no more [m]
-constexpr double CONTACT_NOISE = 0.001;  // of the table's height under an object [m]
-constexpr double MAX_CONTACT_GAP =
-    0.004;                             // farther above or below it an object is held otherwise [m]
-constexpr double FINEST_RMS = 0.0003;  // of points on a model, for its own sampling [m]
-constexpr double MIN_TURN_GAIN = 6;    // least gain in log likelihood that turns an object over
 
 /// The sampled points of all clusters.
 struct Standing {
@@ -94,14 +85,6 @@ struct Hypothesis {
   bool stands() const { return verification.reason.empty(); }
 };
 
-/// How all points about a model lie on it.
-struct Fit {
-  Eigen::Isometry3d T_camera_object = Eigen::Isometry3d::Identity();
-  double mean_square = 0;   ///< of the points' distances from the model's tangent planes [m^2]
-  double correlation = 0;   ///< of neighboring points' distances, 0 to 1
-  double contact_cost = 0;  ///< negative log likelihood of its height above the table
-};
-
 /// The candidates of one scene, refined and verified, and the objects chosen among them.
 class Decision {
  public:
@@ -142,7 +125,7 @@ class Decision {
       const int shared = commonOf(hypothesis.explained, taken_);
       if (shared > (1 - MIN_OWN_SHARE) * hypothesis.points) continue;
       Hypothesis settled = hypothesis;
-      settleTurn(settled);
+      settle(settled);
       const double score = probabilityOf(settled.verification.agreement, settled.rms);
       if (score < verify_.min_score) {
         noteRefusal(hypothesis, scoreRefusal(settled, score));
@@ -160,31 +143,13 @@ class Decision {
     hypotheses_.clear();
   }
 
-  /// Of all turns of a nearly symmetric object the one that fits its points and the table best.
-  /// Another than the one at hand has to be the better by `MIN_TURN_GAIN` in log likelihood, where
-  /// points whose neighbors are off as they are count for less than independent ones.
-  void settleTurn(Hypothesis& hypothesis) const {
-    const Surface points = pointsNear(hypothesis);
-    if (points.empty()) return;
-    std::vector<Fit> fits{fitOf(hypothesis.model, hypothesis.T_camera_object, points)};
-    for (const auto& turn : index_.sparse(hypothesis.model).turns)
-      fits.push_back(fitOf(hypothesis.model, hypothesis.T_camera_object * turn, points));
-
-    double correlation = 1;
-    for (const auto& fit : fits) correlation = std::min(correlation, fit.correlation);
-    const double independent = std::pow((1 - correlation) / (1 + correlation), 2);
-    const double variance = fits.front().mean_square + FINEST_RMS * FINEST_RMS;
-    const auto costOf = [&](const Fit& fit) {
-      return independent * static_cast<double>(points.size()) * fit.mean_square / (2 * variance) +
-             fit.contact_cost;
-    };
-    const Fit* best = &fits.front();
-    for (const auto& fit : fits) {
-      const double least = costOf(*best) - (best == &fits.front() ? MIN_TURN_GAIN : 0);
-      if (costOf(fit) < least) best = &fit;
-    }
-    hypothesis.T_camera_object = best->T_camera_object;
-    hypothesis.rms = std::sqrt(best->mean_square);
+  /// Turns a nearly symmetric object the way that fits best.
+  void settle(Hypothesis& hypothesis) const {
+    const auto settled = settleTurn(index_, hypothesis.model, hypothesis.T_camera_object,
+                                    pointsOfClusters(hypothesis), tables_, refine_);
+    if (!settled) return;
+    hypothesis.T_camera_object = settled->T_camera_object;
+    hypothesis.rms = settled->rms;
   }
 
   /// Matches what is left of clusters that objects were found in.
@@ -285,69 +250,13 @@ class Decision {
     return source;
   }
 
-  /// The points of the clusters about a hypothesis, unsampled, with the normals of the model there.
-  Surface pointsNear(const Hypothesis& hypothesis) const {
-    const auto& grid = index_.grid(hypothesis.model);
-    const auto& surface = index_.models()[hypothesis.model].surface;
-    const Eigen::Isometry3f T = hypothesis.T_camera_object.cast<float>();
-    const Eigen::Isometry3f T_object_camera = T.inverse();
-    Surface near;
-    for (std::size_t k = 0; k < clusters_.size(); ++k) {
-      if (shareOfCluster(hypothesis.explained, k) <= 0) continue;
-      for (const int i : clusters_[k]) {
-        const Eigen::Vector3f p = T_object_camera * scene_.point(i);
-        const int nearest = grid.nearest(p);
-        if (nearest < 0 || (surface.points[nearest] - p).norm() > TURN_REACH) continue;
-        near.points.push_back(scene_.point(i));
-        near.normals.push_back(T.linear() * surface.normals[nearest]);
-      }
-    }
-    const std::size_t step = near.size() / MAX_TURN_POINTS + 1;
-    Surface few;
-    for (std::size_t i = 0; i < near.size(); i += step) append(near, i, few);
-    return few;
-  }
-
-  /// ICP of all points from a start, and how they lie then.
-  Fit fitOf(int model, const Eigen::Isometry3d& start, const Surface& points) const {
-    const auto& grid = index_.grid(model);
-    const auto& surface = index_.models()[model].surface;
-    RefineOptions fine = refine_;
-    fine.start_distance = fine.max_distance = TURN_DISTANCE;
-    const auto alignment = refinePose(points, surface, grid, start, fine);
-    Fit fit;
-    fit.T_camera_object = alignment ? alignment->T_camera_object : start;
-    const Eigen::Isometry3f T_object_camera = fit.T_camera_object.inverse().cast<float>();
-    double sum = 0, neighbors = 0, before = 0;
-    for (const auto& point : points.points) {
-      const Eigen::Vector3f p = T_object_camera * point;
-      const int nearest = grid.nearest(p);
-      double off = TURN_DISTANCE;
-      if (nearest >= 0) {
-        const Eigen::Vector3f away = p - surface.points[nearest];
-        if (away.norm() < TURN_DISTANCE) off = away.dot(surface.normals[nearest]);
-      }
-      sum += off * off;
-      neighbors += off * before;
-      before = off;
-    }
-    fit.mean_square = sum / static_cast<double>(points.size());
-    fit.correlation = std::clamp(neighbors / std::max(sum, 1e-12), 0.0, 0.99);
-    if (!tables_.empty())
-      fit.contact_cost = contactCost(model, fit.T_camera_object,
-                                     tables_[tableUnder(tables_, centroidOf(points.points))]);
-    return fit;
-  }
-
-  /// How unlikely it is that an object stands on the table like this: negative log likelihood.
-  double contactCost(int model, const Eigen::Isometry3d& T_camera_object,
-                     const Table& table) const {
-    const Eigen::Isometry3f T = T_camera_object.cast<float>();
-    double lowest = std::numeric_limits<double>::infinity();
-    for (const auto& p : index_.models()[model].surface.points)
-      lowest = std::min(lowest, heightAbove(table, T * p));
-    const double gap = std::min(std::abs(lowest), MAX_CONTACT_GAP) / CONTACT_NOISE;
-    return gap * gap / 2;
+  /// The points of all clusters in which a hypothesis explains any, unsampled.
+  std::vector<Eigen::Vector3f> pointsOfClusters(const Hypothesis& hypothesis) const {
+    std::vector<Eigen::Vector3f> points;
+    for (std::size_t k = 0; k < clusters_.size(); ++k)
+      if (shareOfCluster(hypothesis.explained, k) > 0)
+        for (const int i : clusters_[k]) points.push_back(scene_.point(i));
+    return points;
   }
 
   std::string scoreRefusal(const Hypothesis& hypothesis, double score) const {

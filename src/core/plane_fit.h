@@ -20,8 +20,7 @@ struct PlaneFit {
   std::size_t points = 0;                              ///< that it was fitted to
 };
 
-/// Of so many points every so manieth group is enough to fix a plane: 100,000 have less noise in
-/// their plane than it has waves.
+/// Of how many points of a large cloud one is enough, where all would only take longer.
 inline int shareOf(std::size_t points) { return points > 100000 ? 3 : 1; }
 
 /// The plane of least squared distances of the points within `band` [m] of `near`; none for fewer

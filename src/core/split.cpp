@@ -12,7 +12,7 @@
 namespace tabletop_perception {
 namespace {
 
-/// The step [pixels] between pixels that are `spacing` apart, by the median angle between
+/// The step [pixels] between pixels that are `spacing_deg` apart, by the median angle between
 /// neighbouring pixels of the clusters.
 int stepOf(const Cloud& cloud, const std::vector<Indices>& clusters, double spacing_deg) {
   constexpr std::size_t STRIDE = 20;  // every so manieth point is asked

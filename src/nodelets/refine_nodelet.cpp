@@ -65,10 +65,9 @@ RecognizedObject movedTo(const std::string& target_frame, const Eigen::Isometry3
 }  // namespace
 
 /// `~candidates` CandidateArray and `~clusters` PointCloud2 with labels from match, `~tables`
-/// TableArray,
-/// and `~cloud`, the filtered PointCloud2 of the whole scene -> `~objects` RecognizedObjectArray
-/// and a tf frame per object; service `~get_object_pose` GetObjectPose. Every frame is answered,
-/// also one without a table or an object.
+/// TableArray, and `~cloud`, the filtered PointCloud2 of the whole scene -> `~objects`
+/// RecognizedObjectArray and a tf frame per object; service `~get_object_pose` GetObjectPose. Every
+/// frame is answered, also one without a table or an object.
 ///
 /// Parameters: `database`, the file with the objects; `publish_tf`; `track_max_step` [m] and
 /// `track_memory` [s] of the ids. The options of verify live in the namespace `verify` beside this

@@ -1,4 +1,6 @@
 #include <chrono>
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -73,8 +75,8 @@ class TableNodelet : public StageNodelet {
     const auto up = parameter("up", std::vector<double>{0, 0, 0});
     if (up.size() != 3) throw std::invalid_argument("up must be [x, y, z]");
     const Eigen::Vector3d direction(up[0], up[1], up[2]);
-    const double pitch = parameter("pitch", NO_PITCH);
-    if (pitch == NO_PITCH)
+    const double pitch = parameter("pitch", std::numeric_limits<double>::quiet_NaN());
+    if (std::isnan(pitch))  // not set
       return direction.isZero() ? std::nullopt : std::optional(direction.normalized());
     checkOption("pitch", pitch, Range{-90, 90});
     if (!direction.isZero())
@@ -106,7 +108,6 @@ class TableNodelet : public StageNodelet {
   }
 
   TableOptions options_;
-  static constexpr double NO_PITCH = 1000;  // [deg]: the parameter is not set
   std::optional<Eigen::Vector3d> up_;
   std::string up_frame_;
   double up_timeout_;

@@ -14,8 +14,7 @@ namespace tabletop_perception::tools {
 /// beside the page.
 class LabelReport {
  public:
-  /// Makes the folder where there is none, and begins its index.html. Throws std::invalid_argument
-  /// if that fails.
+  /// As ReportPage.
   explicit LabelReport(std::filesystem::path folder);
 
   /// Writes the page. `without_truth`: results to be shown by themselves. Throws

@@ -1,5 +1,6 @@
 #include "report_page.h"
 
+#include <fstream>
 #include <stdexcept>
 #include <utility>
 
@@ -34,8 +35,7 @@ ReportPage::ReportPage(fs::path folder) : folder_(std::move(folder)) {
   if (!fs::is_directory(folder_))
     throw std::invalid_argument("--report " + folder_.string() + " cannot be made a folder" +
                                 (error ? ": " + error.message() : ""));
-  page_.open(folder_ / PAGE);
-  if (!page_)
+  if (!std::ofstream(folder_ / PAGE, std::ios::app))  // leaves what is there
     throw std::invalid_argument("--report: " + (folder_ / PAGE).string() + " cannot be written");
 }
 
@@ -53,9 +53,10 @@ std::string ReportPage::picture(const std::string& name, const cv::Mat& picture,
 }
 
 void ReportPage::write(const std::string& title, const std::string& body) {
-  page_ << htmlPage(title, STYLE, textElement("h1", title) + body);
-  page_.close();
-  if (!page_) throw std::runtime_error((folder_ / PAGE).string() + ": cannot be written");
+  std::ofstream page(folder_ / PAGE);
+  page << htmlPage(title, STYLE, textElement("h1", title) + body);
+  page.close();
+  if (!page) throw std::runtime_error((folder_ / PAGE).string() + ": cannot be written");
 }
 
 std::string figureRow(const std::string& figures) {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <filesystem>
-#include <fstream>
 #include <string>
 
 #include <opencv2/core.hpp>
@@ -11,8 +10,8 @@ namespace tabletop_perception::tools {
 /// A folder with a page, index.html, and the pictures that it shows.
 class ReportPage {
  public:
-  /// Makes the folder where there is none, and begins the page. Throws std::invalid_argument if
-  /// that fails.
+  /// Makes the folder where there is none; a page that is there stays until the new one is written.
+  /// Throws std::invalid_argument if the folder or the page cannot be written.
   explicit ReportPage(std::filesystem::path folder);
 
   /// Writes NAME.png and gives back its figure as HTML. Throws std::runtime_error for a file that
@@ -24,7 +23,6 @@ class ReportPage {
 
  private:
   std::filesystem::path folder_;
-  std::ofstream page_;
 };
 
 /// Figures side by side.

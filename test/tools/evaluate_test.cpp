@@ -9,6 +9,7 @@
 #include "commands.h"
 #include "tabletop_perception/pcd.h"
 #include "temp_folder.h"
+#include "wedge_model.h"
 
 namespace tabletop_perception::tools {
 namespace {
@@ -139,13 +140,7 @@ TEST_F(EvaluateLabels, complainsAboutACloudWithoutLabelsAndABrokenSummary) {
 class EvaluatePoses : public testing::Test {
  protected:
   EvaluatePoses() {
-    // A tetrahedron with sides of different lengths, of a diameter of 20 cm.
-    folder.write("models/wedge/mesh.ply",
-                 "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
-                 "property float z\nelement face 4\nproperty list uchar int vertex_indices\n"
-                 "end_header\n0 0 0\n0.2 0 0\n0 0.1 0\n0 0 0.05\n"
-                 "3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n");
-    folder.write("models/models_info.json", R"({"wedge": {"symmetry": "none"}})");
+    writeWedgeModel(folder);
     folder.write("truth/s1/gt.json", truthOf({"[0, 0, 1]", "[0.3, 0, 1]"}));
     std::filesystem::create_directories(folder.file("results"));
   }

@@ -10,6 +10,7 @@
 
 #include "commands.h"
 #include "temp_folder.h"
+#include "wedge_model.h"
 
 namespace tabletop_perception::tools {
 namespace {
@@ -22,12 +23,7 @@ using nlohmann::json;
 class ReportPoses : public testing::Test {
  protected:
   ReportPoses() {
-    folder.write("models/wedge/mesh.ply",
-                 "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
-                 "property float z\nelement face 4\nproperty list uchar int vertex_indices\n"
-                 "end_header\n0 0 0\n0.2 0 0\n0 0.1 0\n0 0 0.05\n"
-                 "3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n");
-    folder.write("models/models_info.json", R"({"wedge": {"symmetry": "none"}})");
+    writeWedgeModel(folder);
     json objects = json::array();
     for (const double x : {-0.3, 0.1})
       objects.push_back({{"name", "wedge"},
@@ -109,6 +105,20 @@ TEST_F(ReportPoses, showsWhatIsWrong) {
   EXPECT_MENTIONS(page(), "<td>no object of this name is left</td>");
   EXPECT_GT(count(WRONG), 40);
   EXPECT_EQ(count(MISSED), 0);
+}
+
+TEST_F(ReportPoses, anEarlierPageStaysWhenTheInputIsBad) {
+  report(json::array({result(-0.3, 0.9)}));
+  const std::string before = page();
+  folder.write("truth/s<1/gt.json", "{");
+  CLI::App app;
+  addEvaluate(app);
+  EXPECT_THROW(
+      app.parse("evaluate --poses " + folder.file("truth") + " --models " + folder.file("models") +
+                    " --results " + folder.file("results") + " --report " + folder.file("report"),
+                false),
+      std::invalid_argument);
+  EXPECT_EQ(page(), before);
 }
 
 TEST_F(ReportPoses, plotsTheRightOnesByScoreAndVisibility) {
