@@ -10,21 +10,33 @@
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/kd_tree.h"
 #include "tabletop_perception/model_index.h"
+#include "tabletop_perception/planar_surface.h"
 #include "tabletop_perception/projection.h"
 #include "tabletop_perception/table.h"
 
 namespace tabletop_perception {
 
+/// What the camera saw at a pixel.
+struct Sighting {
+  float range;   ///< of the point there, NaN for none [m]
+  float height;  ///< of it above the table, infinite without one [m]
+};
+
 /// What the camera saw, made ready to hold poses against it. Refers to the scene and the table that
 /// it was made of: they must outlive it.
 struct Observation {
   const Cloud& scene;
-  const Table* table = nullptr;          ///< none: nothing is known of one
-  std::optional<Projection> projection;  ///< none: free space says nothing
+  const Table* table = nullptr;                            ///< none: nothing is known of one
+  std::optional<Projection> projection;                    ///< none: free space says nothing
+  std::shared_ptr<const std::vector<Sighting>> sightings;  ///< per pixel, where it is known
   std::shared_ptr<const KdTree> points;  ///< of the scene, where there is no projection
 };
 
 Observation observe(const Cloud& scene, const std::optional<Table>& table);
+
+/// With a projection that is known, or none. `table`: null for none.
+Observation observe(const Cloud& scene, const Table* table,
+                    const std::optional<Projection>& projection);
 
 /// A scene of several tables: an observation with each of them, or a single one without any. Refers
 /// to the scene and the tables, which must outlive it.
@@ -55,20 +67,21 @@ struct Agreement {
 
 /// `points`: in the camera's frame, with normals. `model`: index into those of `index`.
 Agreement agreementOf(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
-                      const Surface& points, const Observation& observation, double tolerance);
+                      const PlanarSurface& points, const Observation& observation,
+                      double tolerance);
 
 /// Share of the points within `tolerance` of the model that face as it does.
 double explainedShare(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
-                      const Surface& points, double tolerance);
+                      const PlanarSurface& points, double tolerance);
 
 /// Mean over the points of 1 - (distance / tolerance)^2, 0 for those that the model does not
 /// explain: 0 to 1.
 double closenessOf(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
-                   const Surface& points, double tolerance);
+                   const PlanarSurface& points, double tolerance);
 
 /// For each of the points, whether it lies within `tolerance` of the model and faces as it does.
 std::vector<bool> explainedPoints(const ModelIndex& index, int model,
-                                  const Eigen::Isometry3d& T_camera_object, const Surface& points,
-                                  double tolerance);
+                                  const Eigen::Isometry3d& T_camera_object,
+                                  const PlanarSurface& points, double tolerance);
 
 }  // namespace tabletop_perception

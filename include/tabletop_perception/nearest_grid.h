@@ -4,10 +4,21 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "tabletop_perception/geometry.h"
+#include "tabletop_perception/planar_surface.h"
 
 namespace tabletop_perception {
+
+/// A block of points in the frame of a surface, beside the surface's points nearest to them.
+struct Correspondences {
+  static constexpr int SIZE = PlanarBlock::SIZE;
+  alignas(32) float x[SIZE], y[SIZE], z[SIZE];  ///< the points [m]
+  float dx[SIZE], dy[SIZE], dz[SIZE];           ///< from there to the nearest [m]
+  float nx[SIZE], ny[SIZE], nz[SIZE];           ///< its normal
+  float squared[SIZE];  ///< their distance [m^2]; infinite where there is no correspondence
+};
 
 /// Nearest points of a fixed surface by table look-up: a grid of cubes, each holding the index of
 /// the surface point nearest to its centre. Exact to within the cube's half diagonal.
@@ -23,14 +34,35 @@ class NearestGrid {
   int nearest(const Eigen::Vector3f& p) const {
     const Eigen::Array3i c = ((p - origin_) * inverse_cell_).array().floor().cast<int>();
     if ((c < 0).any() || (c >= size_).any()) return -1;
-    return cells_[(static_cast<std::size_t>(c.z()) * size_.y() + c.y()) * size_.x() + c.x()];
+    return indexAt((c.z() * size_.y() + c.y()) * size_.x() + c.x());
   }
 
+  /// Moves a block of points into the surface's frame and finds the nearest of each. None farther
+  /// than the root of `max_squared` [m^2], and none where the normals disagree: they differ by more
+  /// than 60 degrees, either way round, for the nearest point of a thin wall may lie on its other
+  /// side.
+  void correspond(const PlanarBlock& points, const Eigen::Isometry3f& T_surface_points,
+                  float max_squared, Correspondences& out) const;
+
+  /// Bytes that it occupies.
+  std::size_t memory() const;
+
  private:
+  /// A point and its normal, side by side in one cache line.
+  struct alignas(32) Facet {
+    float x, y, z, nx, ny, nz;
+  };
+
+  int indexAt(std::size_t cell) const {
+    return wide_cells_.empty() ? cells_[cell] : static_cast<int>(wide_cells_[cell]);
+  }
+
   Eigen::Vector3f origin_ = Eigen::Vector3f::Zero();
   float inverse_cell_ = 0;
   Eigen::Array3i size_ = Eigen::Array3i::Zero();
-  std::vector<std::int32_t> cells_;
+  std::vector<Facet> facets_;
+  std::vector<std::uint16_t> cells_;       // half the memory, and of the cache
+  std::vector<std::uint32_t> wide_cells_;  // instead, for a surface of more points than they count
 };
 
 }  // namespace tabletop_perception

@@ -8,6 +8,7 @@
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/nearest_grid.h"
 #include "tabletop_perception/options.h"
+#include "tabletop_perception/planar_surface.h"
 
 namespace tabletop_perception {
 
@@ -43,11 +44,12 @@ struct Alignment {
   bool converged = false;  ///< false: the limit of iterations was reached
 };
 
-/// ICP of a cluster's points against a whole model, starting at `T_camera_object`: closest points
+/// ICP of a cluster's points against the whole model that a grid was made of, starting at
+/// `T_camera_object`: closest points
 /// (Besl & McKay 1992) or tangent planes (Chen & Medioni 1992), trimmed (Chetverikov et al. 2002).
 /// Points that are not finite count for nothing. None, with the reason, when fewer than 6
 /// points or `min_overlap` of them find a correspondence.
-Found<Alignment> refinePose(const Surface& cluster, const Surface& model, const NearestGrid& grid,
+Found<Alignment> refinePose(const PlanarSurface& cluster, const NearestGrid& model,
                             const Eigen::Isometry3d& T_camera_object, const RefineOptions& options);
 
 }  // namespace tabletop_perception

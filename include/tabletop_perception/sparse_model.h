@@ -6,6 +6,7 @@
 
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/model.h"
+#include "tabletop_perception/planar_surface.h"
 
 namespace tabletop_perception {
 
@@ -16,6 +17,7 @@ struct SparseModel {
   struct Side {
     Eigen::Vector3f direction = Eigen::Vector3f::UnitZ();  ///< from the model to the camera [unit]
     std::vector<int> visible;                              ///< indices into `surface`
+    PlanarSurface surface;                                 ///< the visible points
     Eigen::Vector3f centroid = Eigen::Vector3f::Zero();    ///< of the visible points
     float extent = 0;  ///< at least the largest distance of two visible points
   };
@@ -29,7 +31,7 @@ struct SparseModel {
   };
 
   Surface surface;
-  std::vector<Side> sides;    ///< directions all around, about 16 deg apart
+  std::vector<Side> sides;    ///< in the order of icosphereDirections, about 16 deg apart
   std::vector<Stand> stands;  ///< the most probable first; none for a flat part of a surface
   std::vector<Eigen::Isometry3d> turns;  ///< motions after which it looks nearly as before, which
                                          ///< are no declared or continuous symmetry

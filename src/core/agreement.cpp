@@ -2,74 +2,129 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <vector>
+
+#include "simd.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr float MIN_NORMAL_DOT = 0.5f;  // of model and scene, either side of a thin wall
-constexpr double MIN_FACING = 0.3;   // cosine to the line of sight; flatter surfaces count as this
+constexpr int SIZE = PlanarBlock::SIZE;
+constexpr float NONE = std::numeric_limits<float>::quiet_NaN();
+constexpr float MIN_FACING = 0.3f;   // cosine to the line of sight; flatter surfaces count as this
 constexpr double DEPTH_SLACK = 1.5;  // of what is seen at an angle, in tolerances
 
-/// Holds points against a model at a pose: squared distance of each, or none.
-class Explainer {
- public:
-  Explainer(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
-            double tolerance)
-      : surface_(index.models()[model].surface),
-        grid_(index.grid(model)),
-        T_object_camera_(T_camera_object.inverse().cast<float>()),
-        limit_(static_cast<float>(tolerance * tolerance)) {}
-
-  /// Squared distance [m^2]; -1 for a point that the model does not explain.
-  float operator()(const Eigen::Vector3f& point, const Eigen::Vector3f& normal) const {
-    const Eigen::Vector3f p = T_object_camera_ * point;
-    const int nearest = grid_.nearest(p);
-    if (nearest < 0) return -1;
-    const float squared = (surface_.points[nearest] - p).squaredNorm();
-    if (squared > limit_) return -1;
-    const Eigen::Vector3f n = T_object_camera_.linear() * normal;
-    return std::abs(n.dot(surface_.normals[nearest])) < MIN_NORMAL_DOT ? -1 : squared;
+/// Calls visit(correspondences) for each block of points, at a pose of a model.
+template <typename Visit>
+void visitCorrespondences(const ModelIndex& index, int model,
+                          const Eigen::Isometry3d& T_camera_object, const PlanarSurface& points,
+                          double tolerance, Visit visit) {
+  const Eigen::Isometry3f T_object_camera = T_camera_object.inverse().cast<float>();
+  const auto max_squared = static_cast<float>(tolerance * tolerance);
+  Correspondences block;
+  for (const auto& some : points.blocks) {
+    index.grid(model).correspond(some, T_object_camera, max_squared, block);
+    visit(block);
   }
+}
 
- private:
-  const Surface& surface_;
-  const NearestGrid& grid_;
-  Eigen::Isometry3f T_object_camera_;
-  float limit_;
+bool isOne(const Correspondences& block, int i) { return std::isfinite(block.squared[i]); }
+
+/// A pose and a camera as the kernel needs them.
+struct Sight {
+  float T[12];  // rows of rotation and translation
+  float fx, fy, cx, cy, width, height, forward;
+  float slack, tolerance;
 };
 
-enum class Sight { SEEN, HIDDEN, VIOLATED };
+/// What a block of a model shows.
+struct Shown {
+  int seen = 0, violated = 0;
+};
 
-/// What the camera saw where a point of the model should be. The table where the model should be is
-/// neither: it lies within tolerance of every model's foot.
-Sight sightOf(const Eigen::Vector3f& p, const Eigen::Vector3f& normal,
-              const Observation& observation, double tolerance) {
-  const Cloud& scene = observation.scene;
+/// Range and slack of points of a model, and the pixels where they should appear; -1 for none.
+TABLETOP_SIMD_CLONES void project(const PlanarBlock& model, const Sight& sight, float* ranges,
+                                  float* slacks, std::int32_t* pixels) {
+  const float* T = sight.T;
+  const auto width = static_cast<std::int32_t>(sight.width);
+  for (int i = 0; i < SIZE; ++i) {
+    const float x = T[0] * model.x[i] + T[1] * model.y[i] + T[2] * model.z[i] + T[3];
+    const float y = T[4] * model.x[i] + T[5] * model.y[i] + T[6] * model.z[i] + T[7];
+    const float z = T[8] * model.x[i] + T[9] * model.y[i] + T[10] * model.z[i] + T[11];
+    const float nx = T[0] * model.nx[i] + T[1] * model.ny[i] + T[2] * model.nz[i];
+    const float ny = T[4] * model.nx[i] + T[5] * model.ny[i] + T[6] * model.nz[i];
+    const float nz = T[8] * model.nx[i] + T[9] * model.ny[i] + T[10] * model.nz[i];
+    const float range = std::sqrt(x * x + y * y + z * z);
+    const float facing = -(nx * x + ny * y + nz * z) / range;
+    // The order of arguments turns NaN into -1. Half a pixel on: the nearest is the one below.
+    const float u = std::min(sight.width, std::max(-1.0f, sight.fx * x / z + sight.cx + 0.5f));
+    const float v = std::min(sight.height, std::max(-1.0f, sight.fy * y / z + sight.cy + 0.5f));
+    const bool inside =
+        (z * sight.forward > 0) & (u >= 0) & (v >= 0) & (u < sight.width) & (v < sight.height);
+    const std::int32_t pixel = static_cast<std::int32_t>(v) * width + static_cast<std::int32_t>(u);
+    ranges[i] = range;
+    slacks[i] = sight.slack / std::max(MIN_FACING, facing);
+    pixels[i] = inside ? pixel : -1;
+  }
+}
+
+/// What the camera saw where a point of the model should be. The table where the model should be
+/// says nothing: it lies within tolerance of every model's foot.
+TABLETOP_SIMD_CLONES Shown classify(const float* ranges, const float* slacks,
+                                    const float* seen_ranges, const float* heights,
+                                    float tolerance) {
+  std::int32_t seen = 0, violated = 0;
+  for (int i = 0; i < SIZE; ++i) {
+    const float behind = seen_ranges[i] - ranges[i];  // NaN where nothing was seen: neither
+    violated += behind > slacks[i];
+    seen += (behind <= slacks[i]) & (behind >= -slacks[i]) & (heights[i] >= tolerance);
+  }
+  return {seen, violated};
+}
+
+Shown shownOf(const PlanarBlock& model, const Sight& sight,
+              const std::vector<Sighting>& sightings) {
+  alignas(32) float ranges[SIZE], slacks[SIZE], seen_ranges[SIZE], heights[SIZE];
+  alignas(32) std::int32_t pixels[SIZE];
+  project(model, sight, ranges, slacks, pixels);
+  for (int i = 0; i < SIZE; ++i) {
+    const Sighting seen = pixels[i] < 0 ? Sighting{NONE, 0} : sightings[pixels[i]];
+    seen_ranges[i] = seen.range;
+    heights[i] = seen.height;
+  }
+  return classify(ranges, slacks, seen_ranges, heights, sight.tolerance);
+}
+
+Sight sightOf(const Observation& observation, const Eigen::Isometry3f& T_camera_object,
+              double tolerance) {
+  Sight sight;
+  Eigen::Map<Eigen::Matrix<float, 3, 4, Eigen::RowMajor>>(sight.T) =
+      T_camera_object.matrix().topRows<3>();
   const Projection& projection = *observation.projection;
-  if (p.z() * projection.forward <= 0) return Sight::HIDDEN;
-  const Eigen::Vector2d pixel = projection.pixel(p.cast<double>());
-  const int u = static_cast<int>(std::lround(pixel.x())),
-            v = static_cast<int>(std::lround(pixel.y()));
-  if (u < 0 || v < 0 || u >= scene.width || v >= scene.height) return Sight::HIDDEN;
-  const std::size_t i = static_cast<std::size_t>(v) * scene.width + u;
-  if (!scene.valid(i)) return Sight::HIDDEN;
-
-  const float range = p.norm();
-  const double facing = normal.dot(-p) / range;
-  const double slack = DEPTH_SLACK * tolerance / std::max(MIN_FACING, facing);
-  const double behind = scene.point(i).norm() - range;
-  if (behind > slack) return Sight::VIOLATED;
-  const bool table_seen =
-      observation.table && heightAbove(*observation.table, scene.point(i)) < tolerance;
-  return behind < -slack || table_seen ? Sight::HIDDEN : Sight::SEEN;
+  sight.fx = static_cast<float>(projection.fx);
+  sight.fy = static_cast<float>(projection.fy);
+  sight.cx = static_cast<float>(projection.cx);
+  sight.cy = static_cast<float>(projection.cy);
+  sight.width = static_cast<float>(observation.scene.width);
+  sight.height = static_cast<float>(observation.scene.height);
+  sight.forward = static_cast<float>(projection.forward);
+  sight.slack = static_cast<float>(DEPTH_SLACK * tolerance);
+  sight.tolerance = static_cast<float>(tolerance);
+  return sight;
 }
 
 /// Without a projection only what was seen is known.
-Sight sightAmongPoints(const Eigen::Vector3f& p, const KdTree& points, double tolerance) {
-  const auto nearest = points.nearest(p);
-  const bool seen = nearest.index >= 0 && nearest.squared_distance <= tolerance * tolerance;
-  return seen ? Sight::SEEN : Sight::HIDDEN;
+Shown shownAmongPoints(const SparseModel& model, const SparseModel::Side& side,
+                       const Eigen::Isometry3f& T_camera_object, const KdTree& points,
+                       double tolerance) {
+  Shown shown;
+  for (const int i : side.visible) {
+    const auto nearest = points.nearest(T_camera_object * model.surface.points[i]);
+    shown.seen += nearest.index >= 0 && nearest.squared_distance <= tolerance * tolerance;
+  }
+  return shown;
 }
 
 void lookForModel(const SparseModel& model, const Eigen::Isometry3d& T_camera_object,
@@ -78,38 +133,74 @@ void lookForModel(const SparseModel& model, const Eigen::Isometry3d& T_camera_ob
   const Eigen::Vector3f from_camera = T.linear().transpose() * T.translation();
   const auto& side = model.sideTowards(-from_camera.normalized());
   if (side.visible.empty()) return;
-  int seen = 0, violated = 0;
-  for (const int i : side.visible) {
-    const Eigen::Vector3f p = T * model.surface.points[i];
-    const Sight sight =
-        observation.projection
-            ? sightOf(p, T.linear() * model.surface.normals[i], observation, tolerance)
-            : sightAmongPoints(p, *observation.points, tolerance);
-    seen += sight == Sight::SEEN;
-    violated += sight == Sight::VIOLATED;
+  Shown shown;
+  if (observation.projection) {
+    const Sight sight = sightOf(observation, T, tolerance);
+    for (const auto& block : side.surface.blocks) {
+      const Shown some = shownOf(block, sight, *observation.sightings);
+      shown.seen += some.seen;
+      shown.violated += some.violated;
+    }
+  } else {
+    shown = shownAmongPoints(model, side, T, *observation.points, tolerance);
   }
   const auto all = static_cast<double>(side.visible.size());
-  agreement.visible = seen / all;
-  agreement.violation = violated / all;
+  agreement.visible = shown.seen / all;
+  agreement.violation = shown.violated / all;
   agreement.hidden = 1 - agreement.visible - agreement.violation;
 }
 
-}  // namespace
+/// Adds what each point is worth, eight sums side by side.
+TABLETOP_SIMD_CLONES void addCloseness(const Correspondences& block, float inverse_limit,
+                                       float* lanes) {
+  for (int i = 0; i < SIZE; i += 8)
+    for (int lane = 0; lane < 8; ++lane)
+      lanes[lane] += std::max(0.0f, 1 - block.squared[i + lane] * inverse_limit);
+}
 
-Observation observe(const Cloud& scene, const std::optional<Table>& table) {
-  Observation observation{scene, table ? &*table : nullptr, fitProjection(scene).value, nullptr};
+std::vector<Sighting> sightingsOf(const Cloud& scene, const Table* table) {
+  std::vector<Sighting> sightings(scene.size());
+  const Eigen::Vector4f plane =
+      table ? Eigen::Vector4f(table->plane.cast<float>()) : Eigen::Vector4f::Zero();
+  const float above = table ? plane[3] : std::numeric_limits<float>::infinity();
+  for (std::size_t i = 0; i < scene.size(); ++i) {
+    const float x = scene.x[i], y = scene.y[i], z = scene.z[i];
+    sightings[i].range = std::sqrt(x * x + y * y + z * z);
+    sightings[i].height = plane[0] * x + plane[1] * y + plane[2] * z + above;
+  }
+  return sightings;
+}
+
+/// As `known`, with a table.
+Observation withTable(Observation known, const Table* table) {
+  known.table = table;
+  if (known.projection)
+    known.sightings = std::make_shared<std::vector<Sighting>>(sightingsOf(known.scene, table));
+  return known;
+}
+
+Observation withoutTable(const Cloud& scene, const std::optional<Projection>& projection) {
+  Observation observation{scene, nullptr, projection, nullptr, nullptr};
   if (!observation.projection)
     observation.points = std::make_shared<KdTree>(pointsAt(scene, validIndices(scene)));
   return observation;
 }
 
+}  // namespace
+
+Observation observe(const Cloud& scene, const std::optional<Table>& table) {
+  return observe(scene, table ? &*table : nullptr, fitProjection(scene).value);
+}
+
+Observation observe(const Cloud& scene, const Table* table,
+                    const std::optional<Projection>& projection) {
+  return withTable(withoutTable(scene, projection), table);
+}
+
 Observations::Observations(const Cloud& scene, const std::vector<Table>& tables) : tables_(tables) {
-  Observation observation = observe(scene, std::nullopt);
-  if (tables.empty()) observations_.push_back(observation);
-  for (const auto& table : tables) {
-    observation.table = &table;
-    observations_.push_back(observation);
-  }
+  const Observation observation = withoutTable(scene, fitProjection(scene).value);
+  if (tables.empty()) observations_.push_back(withTable(observation, nullptr));
+  for (const auto& table : tables) observations_.push_back(withTable(observation, &table));
 }
 
 const Observation& Observations::about(const Eigen::Vector3f& middle) const {
@@ -123,19 +214,21 @@ double Agreement::score(double tolerance) const {
 }
 
 Agreement agreementOf(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
-                      const Surface& points, const Observation& observation, double tolerance) {
+                      const PlanarSurface& points, const Observation& observation,
+                      double tolerance) {
   Agreement agreement;
-  const Explainer explainer(index, model, T_camera_object, tolerance);
   int explained = 0;
   double sum = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const float squared = explainer(points.points[i], points.normals[i]);
-    if (squared < 0) continue;
-    ++explained;
-    sum += squared;
-  }
+  visitCorrespondences(index, model, T_camera_object, points, tolerance,
+                       [&](const Correspondences& block) {
+                         for (int i = 0; i < SIZE; ++i) {
+                           if (!isOne(block, i)) continue;
+                           ++explained;
+                           sum += block.squared[i];
+                         }
+                       });
   if (explained > 0) {
-    agreement.explained = static_cast<double>(explained) / static_cast<double>(points.size());
+    agreement.explained = static_cast<double>(explained) / static_cast<double>(points.size);
     agreement.fitness = std::sqrt(sum / explained);
   }
   lookForModel(index.sparse(model), T_camera_object, observation, tolerance, agreement);
@@ -143,32 +236,37 @@ Agreement agreementOf(const ModelIndex& index, int model, const Eigen::Isometry3
 }
 
 double explainedShare(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
-                      const Surface& points, double tolerance) {
-  const Explainer explainer(index, model, T_camera_object, tolerance);
+                      const PlanarSurface& points, double tolerance) {
   int explained = 0;
-  for (std::size_t i = 0; i < points.size(); ++i)
-    explained += explainer(points.points[i], points.normals[i]) >= 0;
-  return explained / std::max<double>(1, static_cast<double>(points.size()));
+  visitCorrespondences(index, model, T_camera_object, points, tolerance,
+                       [&](const Correspondences& block) {
+                         for (int i = 0; i < SIZE; ++i) explained += isOne(block, i);
+                       });
+  return explained / std::max<double>(1, static_cast<double>(points.size));
 }
 
 double closenessOf(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
-                   const Surface& points, double tolerance) {
-  const Explainer explainer(index, model, T_camera_object, tolerance);
+                   const PlanarSurface& points, double tolerance) {
+  alignas(32) float lanes[8] = {};
+  const auto inverse_limit = static_cast<float>(1 / (tolerance * tolerance));
+  visitCorrespondences(
+      index, model, T_camera_object, points, tolerance,
+      [&](const Correspondences& block) { addCloseness(block, inverse_limit, lanes); });
   double sum = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const float squared = explainer(points.points[i], points.normals[i]);
-    if (squared >= 0) sum += 1 - squared / (tolerance * tolerance);
-  }
-  return sum / std::max<double>(1, static_cast<double>(points.size()));
+  for (const float lane : lanes) sum += lane;
+  return sum / std::max<double>(1, static_cast<double>(points.size));
 }
 
 std::vector<bool> explainedPoints(const ModelIndex& index, int model,
-                                  const Eigen::Isometry3d& T_camera_object, const Surface& points,
-                                  double tolerance) {
-  const Explainer explainer(index, model, T_camera_object, tolerance);
-  std::vector<bool> explained(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i)
-    explained[i] = explainer(points.points[i], points.normals[i]) >= 0;
+                                  const Eigen::Isometry3d& T_camera_object,
+                                  const PlanarSurface& points, double tolerance) {
+  std::vector<bool> explained;
+  explained.reserve(points.blocks.size() * SIZE);
+  visitCorrespondences(index, model, T_camera_object, points, tolerance,
+                       [&](const Correspondences& block) {
+                         for (int i = 0; i < SIZE; ++i) explained.push_back(isOne(block, i));
+                       });
+  explained.resize(points.size);
   return explained;
 }
 

@@ -209,8 +209,7 @@ class Decision {
       }
       if (candidate.promise < MIN_PROMISE_RATIO * candidates.front().promise) continue;
       const auto alignment = refinePose(sourceFor(model, candidate.T_camera_object, parts),
-                                        index_.models()[model].surface, index_.grid(model),
-                                        candidate.T_camera_object, refine_);
+                                        index_.grid(model), candidate.T_camera_object, refine_);
       if (!alignment) {
         if (reason.empty()) reason = alignment.reason;
         continue;

@@ -48,7 +48,7 @@ double extentOf(const std::vector<Eigen::Vector3f>& points) {
 }
 
 /// About `count` of the points, evenly taken.
-Surface thinned(const Surface& surface, int count) {
+PlanarSurface thinned(const Surface& surface, int count) {
   const std::size_t step = std::max<std::size_t>(1, surface.size() / count);
   Surface few;
   for (std::size_t i = 0; i < surface.size(); i += step) {
@@ -245,7 +245,7 @@ std::vector<Guess> best(std::vector<Guess> guesses, int limit, int of_one,
 }
 
 /// How well a guess agrees with some points and the picture, 0 to 1.
-double promiseOf(const Guess& guess, const Surface& probes, const Observation& observation,
+double promiseOf(const Guess& guess, const PlanarSurface& probes, const Observation& observation,
                  const ModelIndex& index, double tolerance) {
   const Agreement agreement =
       agreementOf(index, guess.model, guess.T_camera_object, probes, observation, tolerance);
@@ -257,8 +257,8 @@ double promiseOf(const Guess& guess, const Surface& probes, const Observation& o
 std::vector<Candidate> mostPromising(std::vector<Guess> guesses, const Surface& points,
                                      const Surface& cluster, const Observation& observation,
                                      const ModelIndex& index, const MatchOptions& options) {
-  const Surface few = thinned(points, FEW_PROBES), probes = thinned(points, PROBES),
-                source = thinned(cluster, 2 * PROBES);
+  const PlanarSurface few = thinned(points, FEW_PROBES), probes = thinned(points, PROBES),
+                      source = thinned(cluster, 2 * PROBES);
   for (auto& guess : guesses)
     guess.promise = closenessOf(index, guess.model, guess.T_camera_object, few, COARSE);
   guesses = best(std::move(guesses), MAX_JUDGED, MAX_JUDGED, index);
@@ -270,8 +270,8 @@ std::vector<Candidate> mostPromising(std::vector<Guess> guesses, const Surface& 
   coarse.max_distance = 0.01;
   coarse.min_overlap = 0.05;
   for (auto& guess : guesses) {
-    const auto alignment = refinePose(source, index.models()[guess.model].surface,
-                                      index.grid(guess.model), guess.T_camera_object, coarse);
+    const auto alignment =
+        refinePose(source, index.grid(guess.model), guess.T_camera_object, coarse);
     if (alignment) guess.T_camera_object = alignment->T_camera_object;
     guess.promise = promiseOf(guess, probes, observation, index, FINE);
   }

@@ -4,9 +4,76 @@
 #include <limits>
 #include <stdexcept>
 
+#include "simd.h"
 #include "tabletop_perception/kd_tree.h"
 
 namespace tabletop_perception {
+namespace {
+
+constexpr int SIZE = PlanarBlock::SIZE;
+constexpr float MIN_NORMAL_DOT = 0.5f;  // of points that correspond, either way round
+constexpr float NONE = std::numeric_limits<float>::infinity();
+
+/// Where the grid lies and how points come into its frame, for the kernel.
+struct Lattice {
+  float T[12];  // rows of rotation and translation
+  float origin[3], inverse_cell;
+  float size[3];
+};
+
+/// The points at the pose, and the cell of each; -1 outside of the grid.
+TABLETOP_SIMD_CLONES void locate(const PlanarBlock& points, const Lattice& lattice,
+                                 Correspondences& out, std::int32_t* cells) {
+  const float* T = lattice.T;
+  for (int i = 0; i < SIZE; ++i) {
+    const float x = T[0] * points.x[i] + T[1] * points.y[i] + T[2] * points.z[i] + T[3];
+    const float y = T[4] * points.x[i] + T[5] * points.y[i] + T[6] * points.z[i] + T[7];
+    const float z = T[8] * points.x[i] + T[9] * points.y[i] + T[10] * points.z[i] + T[11];
+    out.x[i] = x;
+    out.y[i] = y;
+    out.z[i] = z;
+    // The order of arguments turns NaN into -1.
+    const float u =
+        std::min(lattice.size[0], std::max(-1.0f, (x - lattice.origin[0]) * lattice.inverse_cell));
+    const float v =
+        std::min(lattice.size[1], std::max(-1.0f, (y - lattice.origin[1]) * lattice.inverse_cell));
+    const float w =
+        std::min(lattice.size[2], std::max(-1.0f, (z - lattice.origin[2]) * lattice.inverse_cell));
+    const bool inside = (u >= 0) & (v >= 0) & (w >= 0) & (u < lattice.size[0]) &
+                        (v < lattice.size[1]) & (w < lattice.size[2]);
+    const auto width = static_cast<std::int32_t>(lattice.size[0]);
+    const auto height = static_cast<std::int32_t>(lattice.size[1]);
+    const std::int32_t cell =
+        (static_cast<std::int32_t>(w) * height + static_cast<std::int32_t>(v)) * width +
+        static_cast<std::int32_t>(u);
+    cells[i] = inside ? cell : -1;
+  }
+}
+
+/// Turns nearest points into correspondences. `out`: with the nearest points in dx, dy, dz.
+TABLETOP_SIMD_CLONES void judge(const PlanarBlock& points, const Lattice& lattice,
+                                const std::int32_t* cells, float max_squared,
+                                Correspondences& out) {
+  const float* T = lattice.T;
+  for (int i = 0; i < SIZE; ++i) {
+    const float dx = out.dx[i] - out.x[i];
+    const float dy = out.dy[i] - out.y[i];
+    const float dz = out.dz[i] - out.z[i];
+    const float squared = dx * dx + dy * dy + dz * dz;
+    const float nx = T[0] * points.nx[i] + T[1] * points.ny[i] + T[2] * points.nz[i];
+    const float ny = T[4] * points.nx[i] + T[5] * points.ny[i] + T[6] * points.nz[i];
+    const float nz = T[8] * points.nx[i] + T[9] * points.ny[i] + T[10] * points.nz[i];
+    const float dot = nx * out.nx[i] + ny * out.ny[i] + nz * out.nz[i];
+    const bool corresponds =
+        (cells[i] >= 0) & (squared <= max_squared) & (dot * dot >= MIN_NORMAL_DOT * MIN_NORMAL_DOT);
+    out.dx[i] = dx;
+    out.dy[i] = dy;
+    out.dz[i] = dz;
+    out.squared[i] = corresponds ? squared : NONE;
+  }
+}
+
+}  // namespace
 
 NearestGrid::NearestGrid(const Surface& surface, double cell, double margin) {
   if (surface.empty()) throw std::invalid_argument("nearest grid: the surface has no points");
@@ -14,6 +81,11 @@ NearestGrid::NearestGrid(const Surface& surface, double cell, double margin) {
   for (const auto& p : surface.points) {
     low = low.cwiseMin(p);
     high = high.cwiseMax(p);
+  }
+  for (std::size_t i = 0; i < surface.size(); ++i) {
+    const auto& p = surface.points[i];
+    const auto& n = surface.normals[i];
+    facets_.push_back({p.x(), p.y(), p.z(), n.x(), n.y(), n.z()});
   }
   const auto wide = static_cast<float>(margin);
   origin_ = low.array() - wide;
@@ -25,15 +97,48 @@ NearestGrid::NearestGrid(const Surface& surface, double cell, double margin) {
               .max(1);
 
   const KdTree tree(surface.points);
-  cells_.resize(static_cast<std::size_t>(size_.x()) * size_.y() * size_.z());
+  const std::size_t count = static_cast<std::size_t>(size_.x()) * size_.y() * size_.z();
+  const bool narrow = surface.size() <= std::numeric_limits<std::uint16_t>::max() + 1u;
+  narrow ? cells_.resize(count) : wide_cells_.resize(count);
   std::size_t i = 0;
   for (int z = 0; z < size_.z(); ++z)
     for (int y = 0; y < size_.y(); ++y)
-      for (int x = 0; x < size_.x(); ++x) {
+      for (int x = 0; x < size_.x(); ++x, ++i) {
         const Eigen::Vector3f offset = Eigen::Vector3f(x, y, z).array() + 0.5f;
-        const Eigen::Vector3f center = origin_ + offset / inverse_cell_;
-        cells_[i++] = tree.nearest(center).index;
+        const auto nearest = tree.nearest(origin_ + offset / inverse_cell_).index;
+        if (narrow)
+          cells_[i] = static_cast<std::uint16_t>(nearest);
+        else
+          wide_cells_[i] = static_cast<std::uint32_t>(nearest);
       }
+}
+
+void NearestGrid::correspond(const PlanarBlock& points, const Eigen::Isometry3f& T_surface_points,
+                             float max_squared, Correspondences& out) const {
+  Lattice lattice;
+  Eigen::Map<Eigen::Matrix<float, 3, 4, Eigen::RowMajor>>(lattice.T) =
+      T_surface_points.matrix().topRows<3>();
+  Eigen::Map<Eigen::Vector3f>(lattice.origin) = origin_;
+  Eigen::Map<Eigen::Array3f>(lattice.size) = size_.cast<float>();
+  lattice.inverse_cell = inverse_cell_;
+
+  if (facets_.empty()) {
+    std::fill(out.squared, out.squared + SIZE, NONE);
+    return;
+  }
+  alignas(32) std::int32_t cells[SIZE];
+  locate(points, lattice, out, cells);
+  for (int i = 0; i < SIZE; ++i) {
+    const Facet& facet = facets_[cells[i] < 0 ? 0 : indexAt(static_cast<std::size_t>(cells[i]))];
+    out.dx[i] = facet.x, out.dy[i] = facet.y, out.dz[i] = facet.z;
+    out.nx[i] = facet.nx, out.ny[i] = facet.ny, out.nz[i] = facet.nz;
+  }
+  judge(points, lattice, cells, max_squared, out);
+}
+
+std::size_t NearestGrid::memory() const {
+  return facets_.size() * sizeof(Facet) + cells_.size() * sizeof(cells_[0]) +
+         wide_cells_.size() * sizeof(wide_cells_[0]);
 }
 
 }  // namespace tabletop_perception

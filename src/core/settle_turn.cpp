@@ -62,8 +62,9 @@ double contactCost(const Surface& model, const Eigen::Isometry3d& T_camera_objec
 
 /// ICP of the points from a start, and how they lie then. `table`: null for none.
 Fit fitOf(const NearestGrid& grid, const Surface& surface, const Eigen::Isometry3d& start,
-          const Surface& points, const Table* table, const RefineOptions& fine) {
-  const auto alignment = refinePose(points, surface, grid, start, fine);
+          const Surface& points, const PlanarSurface& source, const Table* table,
+          const RefineOptions& fine) {
+  const auto alignment = refinePose(source, grid, start, fine);
   Fit fit;
   fit.T_camera_object = alignment ? alignment->T_camera_object : start;
   const Eigen::Isometry3f T_object_camera = fit.T_camera_object.inverse().cast<float>();
@@ -117,8 +118,10 @@ std::optional<SettledPose> settleTurn(const ModelIndex& index, int model,
       tables.empty() ? nullptr : &tables[tableUnder(tables, centroidOf(near.points))];
   RefineOptions fine = refine;
   fine.start_distance = fine.max_distance = TURN_DISTANCE;
+  const PlanarSurface source(near);
   const auto fit = [&](const Eigen::Isometry3d& start) {
-    return fitOf(index.grid(model), index.models()[model].surface, start, near, table, fine);
+    return fitOf(index.grid(model), index.models()[model].surface, start, near, source, table,
+                 fine);
   };
   std::vector<Fit> fits{fit(T_camera_object)};
   for (const auto& turn : index.sparse(model).turns) fits.push_back(fit(T_camera_object * turn));

@@ -5,6 +5,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "simd.h"
 #include "tabletop_perception/kd_tree.h"
 #include "tabletop_perception/mesh.h"
 #include "tabletop_perception/rests.h"
@@ -70,20 +71,70 @@ class DepthRaster {
   std::vector<float> nearest_;
 };
 
+/// Directions as planar arrays, filled up to whole registers.
+class Directions {
+ public:
+  explicit Directions(const std::vector<Eigen::Vector3d>& directions)
+      : size_((directions.size() + LANES - 1) / LANES * LANES) {
+    for (std::vector<float>* axis : {&x_, &y_, &z_}) axis->assign(size_, 0.0f);
+    for (std::size_t i = 0; i < directions.size(); ++i) {
+      x_[i] = static_cast<float>(directions[i].x());
+      y_[i] = static_cast<float>(directions[i].y());
+      z_[i] = static_cast<float>(directions[i].z());
+    }
+  }
+
+  /// The index of the one at the smallest angle to a direction; the first of several.
+  std::size_t nearest(const Eigen::Vector3f& direction) const {
+    std::vector<float> cosines(size_);
+    const float most = multiply(x_.data(), y_.data(), z_.data(), size_, direction.x(),
+                                direction.y(), direction.z(), cosines.data());
+    return std::find(cosines.begin(), cosines.end(), most) - cosines.begin();
+  }
+
+ private:
+  static constexpr std::size_t LANES = 8;
+
+  /// The products with all directions, and the largest.
+  static float multiply(const float* xs, const float* ys, const float* zs, std::size_t size,
+                        float x, float y, float z, float* products);
+
+  std::size_t size_;
+  std::vector<float> x_, y_, z_;
+};
+
+TABLETOP_SIMD_CLONES float Directions::multiply(const float* xs, const float* ys, const float* zs,
+                                                std::size_t size, float x, float y, float z,
+                                                float* products) {
+  float most[LANES];
+  std::fill(most, most + LANES, -2.0f);
+  for (std::size_t i = 0; i < size; i += LANES)
+    for (std::size_t lane = 0; lane < LANES; ++lane) {
+      const float product = xs[i + lane] * x + ys[i + lane] * y + zs[i + lane] * z;
+      products[i + lane] = product;
+      most[lane] = std::max(most[lane], product);
+    }
+  return *std::max_element(most, most + LANES);
+}
+
 SparseModel::Side sideOf(const Surface& dense, const Surface& sparse,
                          const Eigen::Vector3f& direction) {
   const DepthRaster raster(dense, direction);
   SparseModel::Side side;
   side.direction = direction;
   Eigen::AlignedBox3f box;
+  Surface visible;
   for (std::size_t i = 0; i < sparse.size(); ++i) {
     const float slope = sparse.normals[i].dot(direction);
     if (slope < MIN_FACING || raster.hides(sparse.points[i], slope)) continue;
     side.visible.push_back(static_cast<int>(i));
+    visible.points.push_back(sparse.points[i]);
+    visible.normals.push_back(sparse.normals[i]);
     side.centroid += sparse.points[i];
     box.extend(sparse.points[i]);
   }
   if (side.visible.empty()) return side;
+  side.surface = visible;
   side.centroid /= static_cast<float>(side.visible.size());
   side.extent = box.diagonal().norm();
   return side;
@@ -192,9 +243,8 @@ std::vector<Eigen::Isometry3d> nearSymmetries(const ObjectModel& model, const Su
 }  // namespace
 
 const SparseModel::Side& SparseModel::sideTowards(const Eigen::Vector3f& direction) const {
-  return *std::max_element(sides.begin(), sides.end(), [&](const Side& a, const Side& b) {
-    return a.direction.dot(direction) < b.direction.dot(direction);
-  });
+  static const Directions directions(icosphereDirections());
+  return sides[directions.nearest(direction)];
 }
 
 SparseModel makeSparse(const ObjectModel& model) {

@@ -1,6 +1,7 @@
 #include "tabletop_perception/nearest_grid.h"
 
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -52,6 +53,40 @@ TEST(NearestGrid, KnowsNothingBeyondItsMargin) {
       EXPECT_EQ(at(MARGIN + 1.01 * CELL), -1);
       EXPECT_EQ(at(10), -1);
     }
+}
+
+TEST(NearestGrid, ABlockCorrespondsPointByPoint) {
+  Surface surface = randomSurface();
+  for (std::size_t i = 0; i < surface.size(); i += 2) surface.normals[i] = Eigen::Vector3f::UnitX();
+  const NearestGrid grid(surface, CELL, MARGIN);
+  const Eigen::Isometry3f T = clouds::motion(30, {1, 2, 3}, {0.01, 0, -0.01}).cast<float>();
+  constexpr float FARTHEST = 0.02f;
+  Surface points;
+  points.points = clouds::randomPoints(45, 0.06f, 5);  // most of them beyond the limit
+  points.normals.assign(45, Eigen::Vector3f::UnitZ());
+  points.points[7].y() = clouds::NO_POINT;
+  const PlanarSurface planar(points);
+  ASSERT_EQ(planar.blocks.size(), 2u);
+  int found = 0;
+  for (std::size_t i = 0; i < 2 * PlanarBlock::SIZE; ++i) {
+    Correspondences block;
+    grid.correspond(planar.blocks[i / PlanarBlock::SIZE], T, FARTHEST * FARTHEST, block);
+    const float squared = block.squared[i % PlanarBlock::SIZE];
+    float expected = std::numeric_limits<float>::infinity();
+    if (i < points.size() && i != 7) {
+      const Eigen::Vector3f p = T * points.points[i];
+      const int nearest = grid.nearest(p);
+      if (nearest >= 0 && (surface.points[nearest] - p).norm() <= FARTHEST &&
+          std::abs((T.linear() * points.normals[i]).dot(surface.normals[nearest])) >= 0.5f)
+        expected = (surface.points[nearest] - p).squaredNorm();
+    }
+    found += std::isfinite(expected);
+    if (std::isfinite(expected))
+      EXPECT_NEAR(squared, expected, 1e-9) << i;
+    else
+      EXPECT_EQ(squared, expected) << i;
+  }
+  EXPECT_GT(found, 5);
 }
 
 TEST(NearestGrid, WithoutPointsIsRefused) {

@@ -40,7 +40,7 @@ struct Fixture {
   }
 
   Found<Alignment> refine(const Eigen::Isometry3d& start, const RefineOptions& options = {}) const {
-    return refinePose(cluster, model, grid, start, options);
+    return refinePose(cluster, grid, start, options);
   }
 
   Surface model, cluster;
@@ -103,8 +103,7 @@ TEST_P(Refine, TurnsWithTheScene) {
   const Eigen::Isometry3d T = clouds::motion(180, {1, 0, 0}, {0, 0, 0});
   const auto start = house().disturbed(4, {1, 1, 0}, {0.004, -0.003, 0.005});
   const auto alignment = house().refine(start, options);
-  const auto turned =
-      refinePose(transformed(house().cluster, T), house().model, house().grid, T * start, options);
+  const auto turned = refinePose(transformed(house().cluster, T), house().grid, T * start, options);
   ASSERT_TRUE(alignment && turned);
   EXPECT_LT(farthestOff(house().model, T * alignment->T_camera_object, turned->T_camera_object),
             1e-4);
@@ -149,7 +148,7 @@ TEST(RefinePose, APointThatIsNotFiniteChangesNothing) {
     const auto middle = static_cast<std::ptrdiff_t>(cluster.size() / 2);
     cluster.points.insert(cluster.points.begin() + middle, {0, value, 1});
     cluster.normals.insert(cluster.normals.begin() + middle, {0, 0, value});
-    const auto same = refinePose(cluster, house().model, house().grid, start, RefineOptions());
+    const auto same = refinePose(cluster, house().grid, start, RefineOptions());
     ASSERT_TRUE(same) << same.reason;
     EXPECT_EQ(same->T_camera_object.matrix(), alignment->T_camera_object.matrix());
     EXPECT_EQ(same->rms, alignment->rms);
@@ -178,7 +177,7 @@ TEST(RefinePose, FewerThanSixPointsAreNoPose) {
   few.points.resize(5);
   few.normals.resize(5);
   const auto refined = [&](const Surface& cluster) {
-    return refinePose(cluster, house().model, house().grid, house().truth, RefineOptions());
+    return refinePose(cluster, house().grid, house().truth, RefineOptions());
   };
   EXPECT_FALSE(refined(few));
   EXPECT_FALSE(refined(few).reason.empty());
@@ -227,7 +226,7 @@ TEST(RefinePose, ANoisyViewIsPlacedWithinAMillimetre) {
     Cloud image = views::imageOf(mesh, truth);
     scene::addAxialNoise(image, 0.001, seed);
     const auto alignment =
-        refinePose(views::sampled(image), house().model, house().grid,
+        refinePose(views::sampled(image), house().grid,
                    house().disturbed(8, {1, -1, 1}, {0.008, 0, -0.006}), RefineOptions());
     ASSERT_TRUE(alignment) << alignment.reason;
     EXPECT_LT(farthestOff(house().model, alignment->T_camera_object, truth), 0.002);

@@ -34,10 +34,7 @@ struct Fixture {
 
   Verification verify(const Eigen::Isometry3d& T, const Table* on,
                       const VerifyOptions& options) const {
-    Observation observation{cloud, on, projection, nullptr};
-    if (!projection)
-      observation.points = std::make_shared<KdTree>(pointsAt(cloud, validIndices(cloud)));
-    return verifyPose(index, 0, T, {cluster}, observation, options);
+    return verifyPose(index, 0, T, {cluster}, observe(cloud, on, projection), options);
   }
 
   Cloud cloud;
