@@ -17,10 +17,10 @@ class ModelIndex {
  public:
   /// One vector of one kind, and where it comes from.
   struct Entry {
-    int model;                 ///< index into models()
-    int view;                  ///< index into its views
-    Eigen::Vector3f centroid;  ///< of what the vector describes, in the view's frame [m]
-    double extent;             ///< of what the view shows [m]
+    int model;                            ///< index into models()
+    int view;                             ///< index into its views
+    Eigen::Vector3f centroid;             ///< of what the vector describes, in the view's frame [m]
+    double extent;                        ///< of what the view shows [m]
     std::optional<Eigen::Matrix3f> axes;  ///< as in Descriptor
   };
 

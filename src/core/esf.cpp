@@ -14,8 +14,8 @@ namespace tabletop_perception {
 namespace {
 
 constexpr int TRIPLES = 5000;
-constexpr int BINS = 64;       // of each shape function
-constexpr int MAX_CELLS = 64;  // of the grid along its longest side
+constexpr int BINS = 64;             // of each shape function
+constexpr int MAX_CELLS = 64;        // of the grid along its longest side
 constexpr float ON_SURFACE = 0.9f;   // least share of a line's cells for one that runs on it
 constexpr float OFF_SURFACE = 0.1f;  // and largest for one that runs beside it; its ends touch
 
@@ -82,9 +82,7 @@ Course courseOf(const std::array<float, 3>& shares) {
   return first == courseOf(shares[1]) && first == courseOf(shares[2]) ? first : MIXED;
 }
 
-int binOf(float share) {
-  return std::clamp(static_cast<int>(share * BINS), 0, BINS - 1);
-}
+int binOf(float share) { return std::clamp(static_cast<int>(share * BINS), 0, BINS - 1); }
 
 /// Counts of the shape functions, each BINS long, in the order of the vector.
 struct ShapeFunctions {

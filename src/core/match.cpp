@@ -206,9 +206,8 @@ Found<std::vector<Candidate>> matchCluster(const Surface& cluster, const Observa
   using Result = Found<std::vector<Candidate>>;
   checkOptions("match", options);
   if (index.empty()) return Result::none("the database holds no object");
-  const auto descriptors =
-      describeSurface(cluster, Eigen::Vector3f::Zero(), index.descriptorOptions(),
-                      splitWords(options.kinds));
+  const auto descriptors = describeSurface(cluster, Eigen::Vector3f::Zero(),
+                                           index.descriptorOptions(), splitWords(options.kinds));
   if (descriptors.empty())
     return Result::none(format("the cluster has %.0f sampled points, limit %.0f",
                                static_cast<double>(cluster.size()),

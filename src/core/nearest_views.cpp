@@ -9,9 +9,9 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr int LANES = 16;              // sums that are taken at once
-constexpr float MIN_ROLL_SUM = 10;     // of a camera-roll histogram that says something, of 100
-constexpr float ROLL_PEAK = 0.5f;      // least height of a peak over the mean, share of the highest's
+constexpr int LANES = 16;           // sums that are taken at once
+constexpr float MIN_ROLL_SUM = 10;  // of a camera-roll histogram that says something, of 100
+constexpr float ROLL_PEAK = 0.5f;   // least height of a peak over the mean, share of the highest's
 constexpr double BIN_ANGLE = 2 * M_PI / ROLL_BINS;  // [rad]
 
 /// Sums `term` over two histograms in a fixed order that vectorises.
@@ -89,9 +89,9 @@ std::vector<Neighbor> nearestViews(const Descriptor& descriptor, double extent,
   std::vector<std::pair<float, std::size_t>> near;  // equal distances: the first row comes first
   for (std::size_t row = 0; row < vectors.entries.size(); ++row) {
     if (!isOfSize(vectors.entries[row], extent, options)) continue;
-    const float distance = metric(descriptor.values.data(),
-                                  vectors.values.data() + row * vectors.dimension,
-                                  vectors.dimension);
+    const float distance =
+        metric(descriptor.values.data(), vectors.values.data() + row * vectors.dimension,
+               vectors.dimension);
     if (distance <= options.max_distance) near.emplace_back(distance, row);
   }
   const auto count = std::min<std::size_t>(near.size(), options.neighbors);
@@ -101,8 +101,8 @@ std::vector<Neighbor> nearestViews(const Descriptor& descriptor, double extent,
   std::vector<Neighbor> neighbors;
   for (const auto& [distance, row] : near) {
     const auto& entry = vectors.entries[row];
-    neighbors.push_back({entry.model, entry.view, entry.centroid, descriptor.centroid, distance,
-                         std::nullopt});
+    neighbors.push_back(
+        {entry.model, entry.view, entry.centroid, descriptor.centroid, distance, std::nullopt});
     if (entry.axes && descriptor.axes)
       neighbors.back().R_camera_view = *descriptor.axes * entry.axes->transpose();
   }
@@ -180,10 +180,10 @@ ViewPoses posesFromViews(const std::vector<Descriptor>& descriptors, double exte
   for (const auto& descriptor : descriptors) {
     if (std::find(kinds.begin(), kinds.end(), descriptor.kind) == kinds.end()) continue;
     const auto& entries = index.vectors(descriptor.kind).entries;
-    found.any_of_size = found.any_of_size ||
-                        std::any_of(entries.begin(), entries.end(), [&](const auto& entry) {
-                          return isOfSize(entry, extent, options);
-                        });
+    found.any_of_size =
+        found.any_of_size || std::any_of(entries.begin(), entries.end(), [&](const auto& entry) {
+          return isOfSize(entry, extent, options);
+        });
     for (const auto& neighbor : nearestViews(descriptor, extent, index, options)) {
       const View& view = index.models()[neighbor.model].views[neighbor.view];
       for (const double turn : rollsFor(neighbor, roll, index, options))

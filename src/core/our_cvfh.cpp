@@ -12,11 +12,11 @@ namespace {
 
 constexpr int OUR_VIEW_BINS = 64;
 constexpr int OCTANT_BINS = 13;
-constexpr float OCTANT_BIN = 0.02f;    // [m]; 13 of them hold objects of up to 50 cm
-constexpr float OCTANT_BLUR = 0.01f;   // points this near to a plane of the frame count half [m]
-constexpr float ROUND = 0.8f;          // ratio of a region's width and length that tells no longest
-                                       // direction
-constexpr float EVEN = 0.85f;          // ratio of what lies to both sides that tells no fuller one
+constexpr float OCTANT_BIN = 0.02f;   // [m]; 13 of them hold objects of up to 50 cm
+constexpr float OCTANT_BLUR = 0.01f;  // points this near to a plane of the frame count half [m]
+constexpr float ROUND = 0.8f;         // ratio of a region's width and length that tells no longest
+                                      // direction
+constexpr float EVEN = 0.85f;         // ratio of what lies to both sides that tells no fuller one
 
 /// The scatter of a region about its centroid, points in the middle weighing most.
 Eigen::Matrix3f weightedScatter(const Surface& region, const Eigen::Vector3f& centroid) {
@@ -30,7 +30,8 @@ Eigen::Matrix3f weightedScatter(const Surface& region, const Eigen::Vector3f& ce
   return scatter;
 }
 
-/// 1 where more of the surface lies to the side of `axis`, -1 where less, 0 where that is not clear.
+/// 1 where more of the surface lies to the side of `axis`, -1 where less, 0 where that is not
+/// clear.
 int fullerSide(const Surface& surface, const Eigen::Vector3f& centroid,
                const Eigen::Vector3f& axis) {
   float before = 0, behind = 0;
@@ -49,8 +50,7 @@ std::vector<Eigen::Matrix3f> framesOf(const Surface& surface, const Surface& reg
   const Eigen::Vector3f u = z.unitOrthogonal(), v = z.cross(u);
   Eigen::Matrix<float, 3, 2> plane;
   plane << u, v;
-  const Eigen::Matrix2f across =
-      plane.transpose() * weightedScatter(region, centroid) * plane;
+  const Eigen::Matrix2f across = plane.transpose() * weightedScatter(region, centroid) * plane;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2f> solver(across);
   const float length = std::sqrt(std::max(0.0f, solver.eigenvalues()[1]));
   const float width = std::sqrt(std::max(0.0f, solver.eigenvalues()[0]));
@@ -113,7 +113,8 @@ std::vector<Descriptor> computeOurCvfh(const Surface& surface,
   for (const auto& indices : regions) {
     const Surface region = selected(surface, indices);
     const Eigen::Vector3f centroid = centroidOf(region.points);
-    const PointBins bins(planar, {centroid, meanNormal(region), (viewpoint - centroid).normalized()},
+    const PointBins bins(planar,
+                         {centroid, meanNormal(region), (viewpoint - centroid).normalized()},
                          {SHAPE_BINS, OUR_VIEW_BINS, 1.0f});
     for (const auto& axes : framesOf(surface, region, centroid)) {
       Descriptor descriptor{"our_cvfh", {}, whole, axes};

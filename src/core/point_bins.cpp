@@ -23,10 +23,10 @@ inline float arcTangent(float y, float x) {
   const float ax = std::fabs(x), ay = std::fabs(y);
   const float large = ax > ay ? ax : ay, small = ax > ay ? ay : ax;
   const float t = small / (large + 1e-30f), s = t * t;
-  float angle = t * (0.99997726f +
-                     s * (-0.33262347f +
-                          s * (0.19354346f +
-                               s * (-0.11643287f + s * (0.05265332f - s * 0.01172120f)))));
+  float angle =
+      t * (0.99997726f +
+           s * (-0.33262347f +
+                s * (0.19354346f + s * (-0.11643287f + s * (0.05265332f - s * 0.01172120f)))));
   angle = ay > ax ? PI / 2 - angle : angle;
   angle = x < 0 ? PI - angle : angle;
   return std::copysign(angle, y);
@@ -85,7 +85,10 @@ PlanarSurface::PlanarSurface(const Surface& surface) {
 
 PointBins::PointBins(const PlanarSurface& surface, const OrientedPoint& against,
                      const BinCounts& counts)
-    : alpha(counts.shape), phi(counts.shape), theta(counts.shape), distance(counts.shape),
+    : alpha(counts.shape),
+      phi(counts.shape),
+      theta(counts.shape),
+      distance(counts.shape),
       view(counts.view) {
   ChunkBins bins;
   for (std::size_t first = 0; first < surface.size(); first += CHUNK) {

@@ -96,10 +96,11 @@ std::vector<float> computeVfhAsPcl(const Surface& surface, const Eigen::Vector3f
   Eigen::Vector3f axis = Eigen::Vector3f::Zero();
   for (const auto& normal : surface.normals) axis += normal;
   axis /= static_cast<float>(surface.size());  // not of unit length
-  Eigen::Vector4f gaze(0, 0, 0, -1);           // a homogeneous coordinate counts as a fourth
+  // The centroid's homogeneous coordinate counts as a fourth in two lengths.
+  Eigen::Vector4f gaze(0, 0, 0, -1);
   gaze.head<3>() = viewpoint - centroid;
   gaze.normalize();
-  const float farthest = farthestFrom(centroid, surface.points);
+  const float farthest = std::hypot(farthestFrom(centroid, surface.points), 1.0f);
 
   std::vector<float> values(VFH_SIZE, 0.0f);
   float *const theta = values.data(), *const alpha = theta + SHAPE_BINS,
