@@ -9,12 +9,12 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr int CHUNK = 128;  // points whose bins stay in the fastest memory
+constexpr int SIZE = PlanarBlock::SIZE;
 constexpr float PI = static_cast<float>(M_PI);
 
-/// Of the points of a chunk.
-struct ChunkBins {
-  int alpha[CHUNK], phi[CHUNK], theta[CHUNK], distance[CHUNK], view[CHUNK];
+/// Of the points of a block.
+struct BlockBins {
+  int alpha[SIZE], phi[SIZE], theta[SIZE], distance[SIZE], view[SIZE];
 };
 
 /// atan2 within 2e-6 rad without a jump, so that loops vectorise: an odd polynomial fitted to the
@@ -40,16 +40,16 @@ inline int binOf(float share, int bins) {
 }
 
 TABLETOP_SIMD_CLONES
-void binChunk(const float* x, const float* y, const float* z, const float* nx, const float* ny,
-              const float* nz, int count, const OrientedPoint& against, const BinCounts& counts,
-              ChunkBins& bins) {
+void binBlock(const PlanarBlock& block, int count, const OrientedPoint& against,
+              const BinCounts& counts, BlockBins& bins) {
   const float cx = against.centroid.x(), cy = against.centroid.y(), cz = against.centroid.z();
   const float ax = against.axis.x(), ay = against.axis.y(), az = against.axis.z();
   const float gx = against.gaze.x(), gy = against.gaze.y(), gz = against.gaze.z();
   const float per_range = 1 / counts.distance_range;
   const int shape = counts.shape, view = counts.view;
   for (int i = 0; i < count; ++i) {
-    const float dx = x[i] - cx, dy = y[i] - cy, dz = z[i] - cz;
+    const float dx = block.x[i] - cx, dy = block.y[i] - cy, dz = block.z[i] - cz;
+    const float nx = block.nx[i], ny = block.ny[i], nz = block.nz[i];
     const float d = std::sqrt(dx * dx + dy * dy + dz * dz);
     const float per_d = d > 0 ? 1 / d : 0.0f;
     // A point in the centroid lies along the axis.
@@ -61,10 +61,10 @@ void binChunk(const float* x, const float* y, const float* z, const float* nx, c
     const float per_length = length > 1e-6f ? 1 / length : 1.0f;
     const float wx = ay * vz - az * vy, wy = az * vx - ax * vz, wz = ax * vy - ay * vx;
 
-    const float along_v = (vx * nx[i] + vy * ny[i] + vz * nz[i]) * per_length;
-    const float along_w = (wx * nx[i] + wy * ny[i] + wz * nz[i]) * per_length;
-    const float along_axis = ax * nx[i] + ay * ny[i] + az * nz[i];
-    const float to_gaze = gx * nx[i] + gy * ny[i] + gz * nz[i];
+    const float along_v = (vx * nx + vy * ny + vz * nz) * per_length;
+    const float along_w = (wx * nx + wy * ny + wz * nz) * per_length;
+    const float along_axis = ax * nx + ay * ny + az * nz;
+    const float to_gaze = gx * nx + gy * ny + gz * nz;
     bins.alpha[i] = binOf((along_v + 1) / 2, shape);
     bins.phi[i] = binOf((ax * lx + ay * ly + az * lz + 1) / 2, shape);
     bins.theta[i] = binOf((arcTangent(along_w, along_axis) + PI) / (2 * PI), shape);
@@ -75,14 +75,6 @@ void binChunk(const float* x, const float* y, const float* z, const float* nx, c
 
 }  // namespace
 
-PlanarSurface::PlanarSurface(const Surface& surface) {
-  for (auto* coordinates : {&x, &y, &z, &nx, &ny, &nz}) coordinates->resize(surface.size());
-  for (std::size_t i = 0; i < surface.size(); ++i) {
-    x[i] = surface.points[i].x(), y[i] = surface.points[i].y(), z[i] = surface.points[i].z();
-    nx[i] = surface.normals[i].x(), ny[i] = surface.normals[i].y(), nz[i] = surface.normals[i].z();
-  }
-}
-
 PointBins::PointBins(const PlanarSurface& surface, const OrientedPoint& against,
                      const BinCounts& counts)
     : alpha(counts.shape),
@@ -90,11 +82,12 @@ PointBins::PointBins(const PlanarSurface& surface, const OrientedPoint& against,
       theta(counts.shape),
       distance(counts.shape),
       view(counts.view) {
-  ChunkBins bins;
-  for (std::size_t first = 0; first < surface.size(); first += CHUNK) {
-    const int count = static_cast<int>(std::min<std::size_t>(CHUNK, surface.size() - first));
-    binChunk(&surface.x[first], &surface.y[first], &surface.z[first], &surface.nx[first],
-             &surface.ny[first], &surface.nz[first], count, against, counts, bins);
+  BlockBins bins;
+  int left = static_cast<int>(surface.size);
+  for (const auto& block : surface.blocks) {
+    const int count = std::min(SIZE, left);
+    left -= count;
+    binBlock(block, count, against, counts, bins);
     for (int i = 0; i < count; ++i) {
       ++alpha[bins.alpha[i]];
       ++phi[bins.phi[i]];
@@ -103,7 +96,7 @@ PointBins::PointBins(const PlanarSurface& surface, const OrientedPoint& against,
       ++view[bins.view[i]];
     }
   }
-  const float share = 100.0f / static_cast<float>(surface.size());
+  const float share = 100.0f / static_cast<float>(surface.size);
   for (auto* block : {&alpha, &phi, &theta, &distance, &view})
     for (float& value : *block) value *= share;
 }

@@ -4,18 +4,9 @@
 
 #include <Eigen/Core>
 
-#include "tabletop_perception/geometry.h"
+#include "tabletop_perception/planar_surface.h"
 
 namespace tabletop_perception {
-
-/// A surface as arrays of one coordinate each: loops over them become vector instructions.
-struct PlanarSurface {
-  std::vector<float> x, y, z;     ///< of the points [m]
-  std::vector<float> nx, ny, nz;  ///< of their normals
-
-  explicit PlanarSurface(const Surface& surface);
-  std::size_t size() const { return x.size(); }
-};
 
 /// What the points of a surface are held against.
 struct OrientedPoint {
