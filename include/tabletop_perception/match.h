@@ -29,6 +29,7 @@ struct MatchOptions {
   bool stands = true;  ///< every model is also tried in every way that it stands on the table
   bool parts = true;   ///< the smooth parts of a cluster that resembles nothing are matched too
   int max_candidates = 10;  ///< best initial poses kept per cluster, and per part of it
+  int threads = 1;          ///< clusters matched at a time; the answers are the same
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
@@ -44,6 +45,7 @@ struct MatchOptions {
     visit("stands", stands);
     visit("parts", parts);
     visit("max_candidates", max_candidates, Range{1, 1000});
+    visit("threads", threads, Range{1, 64});
   }
 };
 

@@ -1,7 +1,9 @@
 #include "tabletop_perception/pipeline.h"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
+#include <future>
 #include <iterator>
 #include <stdexcept>
 
@@ -44,6 +46,19 @@ std::vector<std::uint32_t> labelsOfMembers(const std::vector<int>& members) {
   std::vector<std::uint32_t> labels;
   for (const int k : members) labels.push_back(static_cast<std::uint32_t>(k) + 2);
   return labels;
+}
+
+/// Calls work(i) once for each i below `count`, on so many threads. What one throws, this throws.
+template <typename Work>
+void forEach(std::size_t count, int threads, Work work) {
+  std::atomic<std::size_t> next{0};
+  const auto run = [&] {
+    for (std::size_t i = next++; i < count; i = next++) work(i);
+  };
+  std::vector<std::future<void>> others;  // wait for their ends when they are destroyed
+  for (int t = 1; t < threads; ++t) others.push_back(std::async(std::launch::async, run));
+  run();
+  for (auto& other : others) other.get();
 }
 
 }  // namespace
@@ -113,15 +128,18 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
 std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indices>& clusters,
                                      const std::vector<Table>& tables, const ModelIndex& index,
                                      const MatchOptions& options) {
+  checkOptions("match", options);
   const Observations observations(scene, tables);
+  const auto unions = clusterUnions(scene, clusters, options.union_gap);
   std::vector<Proposal> proposals;
-  for (const auto& members : clusterUnions(scene, clusters, options.union_gap)) {
+  for (const auto& members : unions)
+    proposals.push_back({labelsOfMembers(members), Found<std::vector<Candidate>>::none("")});
+  forEach(unions.size(), options.threads, [&](std::size_t k) {
     const Surface sample =
-        sampleCluster(scene, pointsOf(clusters, members), index.descriptorOptions());
+        sampleCluster(scene, pointsOf(clusters, unions[k]), index.descriptorOptions());
     const Observation& observation = observations.about(centroidOf(sample.points));
-    proposals.push_back(
-        {labelsOfMembers(members), matchCluster(sample, observation, index, options)});
-  }
+    proposals[k].candidates = matchCluster(sample, observation, index, options);
+  });
   return proposals;
 }
 

@@ -254,6 +254,33 @@ TEST(Pipeline, TheStagesOneByOneSayTheSame) {
   }
 }
 
+TEST(Pipeline, TwoThreadsProposeTheSameToTheLastBit) {
+  const auto scene = threeObjectsWithNoise();
+  const Segmentation segmentation = segmentScene(scene.cloud, scene.up, unsplit());
+  ASSERT_GT(segmentation.clusters.size(), 1u);
+  const auto proposed = [&](int threads) {
+    MatchOptions options;
+    options.threads = threads;
+    return proposeObjects(segmentation.filtered, segmentation.clusters, segmentation.tables(),
+                          threeModels(), options);
+  };
+  const auto one = proposed(1), two = proposed(2);
+  ASSERT_EQ(two.size(), one.size());
+  for (std::size_t k = 0; k < one.size(); ++k) {
+    EXPECT_EQ(two[k].labels, one[k].labels);
+    EXPECT_EQ(two[k].candidates.reason, one[k].candidates.reason);
+    ASSERT_TRUE(one[k].candidates && two[k].candidates);
+    ASSERT_EQ(two[k].candidates->size(), one[k].candidates->size());
+    for (std::size_t c = 0; c < one[k].candidates->size(); ++c) {
+      const Candidate &a = one[k].candidates->at(c), &b = two[k].candidates->at(c);
+      EXPECT_EQ(b.name, a.name);
+      EXPECT_EQ(b.promise, a.promise);
+      EXPECT_EQ(b.distance, a.distance);
+      EXPECT_EQ(b.T_camera_object.matrix(), a.T_camera_object.matrix());
+    }
+  }
+}
+
 TEST(Pipeline, CandidatesThatLeftTheDatabaseMeanwhileAreNotAnswered) {
   const auto scene = threeObjectsWithNoise();
   const Segmentation segmentation = segmentScene(scene.cloud, scene.up, PipelineOptions());
