@@ -11,6 +11,7 @@
 
 #include <opencv2/core/utility.hpp>
 
+#include "benchmark_recognition.h"
 #include "stock_pcl.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/packed_cloud.h"
@@ -27,15 +28,6 @@ double millisecondsOf(const std::function<void()>& work) {
   work();
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
       .count();
-}
-
-/// A function whose result is thrown away at the end of the run, within its time.
-template <typename Function>
-std::function<void()> discarding(Function function) {
-  return [function] {
-    const auto result = function();
-    asm volatile("" : : "r"(&result) : "memory");  // the work cannot be left out
-  };
 }
 
 Timing timingOf(std::vector<double> times_ms) {
@@ -265,9 +257,12 @@ SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector
       compareNormals(scene.cloud, *table, runs, timing);
     }
   }
-  if (models)
+  if (models) {
+    for (auto& stage : benchmarkRecognition(segmentScene(scene.cloud, up, options), *models, runs))
+      timing.stages.push_back(std::move(stage));
     timing.recognition = timeAlone(
         runs, discarding([&] { return recognizeScene(scene.cloud, up, *models, options); }));
+  }
 
   const auto peak = statusKilobytes("VmHWM");  // before it starts again
   timing.process_peak_mb = peak.value_or(0) * 1024e-6;

@@ -58,6 +58,15 @@ struct SceneTiming {
   double process_peak_mb = 0;         ///< of this program with the scene, PCL included [1e6 bytes]
 };
 
+/// A function whose result is thrown away at the end of the run, within its time.
+template <typename Function>
+std::function<void()> discarding(Function function) {
+  return [function] {
+    const auto result = function();
+    asm volatile("" : : "r"(&result) : "memory");  // the work cannot be left out
+  };
+}
+
 /// Runs `ours` and `stock` in turn, at least `runs` times each; `stock` 5 times at most where one
 /// run takes over 0.3 s.
 StageTiming timeInTurn(const std::string& name, const std::string& stock_name, int runs,
