@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "settle_turn.h"
 #include "tabletop_perception/normals.h"
@@ -126,7 +127,7 @@ class Decision {
       if (shared > (1 - MIN_OWN_SHARE) * hypothesis.points) continue;
       Hypothesis settled = hypothesis;
       settle(settled);
-      const double score = probabilityOf(settled.verification.agreement, settled.rms);
+      const double score = probabilityOf(evidenceOf(settled));
       if (score < verify_.min_score) {
         noteRefusal(hypothesis, scoreRefusal(settled, score));
         continue;
@@ -141,6 +142,12 @@ class Decision {
       noteRefusal(hypothesis, refusal);
     }
     hypotheses_.clear();
+  }
+
+  Evidence evidenceOf(const Hypothesis& hypothesis) const {
+    const double leaf = index_.descriptorOptions().leaf;
+    return {hypothesis.verification.agreement, hypothesis.rms, hypothesis.points * leaf * leaf,
+            rivalOf(hypothesis).margin, liftOf(hypothesis)};
   }
 
   /// Turns a nearly symmetric object the way that fits best.
@@ -271,21 +278,43 @@ class Decision {
       if (shareOfCluster(hypothesis.explained, k) >= MIN_SHARE_OF_CLUSTER) reasons_[k] = refusal;
   }
 
-  std::string marginRefusal(const Hypothesis& best) const {
+  /// The other object that agrees best with what a hypothesis explains.
+  struct Rival {
+    const Hypothesis* hypothesis = nullptr;  ///< none: no other object stands there
+    double margin = 1;                       ///< by which it agrees less
+  };
+
+  Rival rivalOf(const Hypothesis& best) const {
+    Rival rival;
     for (const auto& other : hypotheses_) {
       if (other.model == best.model || !other.stands()) continue;
       if (commonOf(other.explained, best.explained) < RIVAL_OVERLAP * best.points) continue;
-      const double rival_score =
+      const double score =
           other.verification.score * std::min(1.0, static_cast<double>(other.points) / best.points);
-      const double margin = best.verification.score - rival_score;
-      if (margin >= verify_.min_margin) continue;
-      char text[200];
-      std::snprintf(text, sizeof text, "%s: margin %.2f over %s, limit %.2f",
-                    index_.models()[best.model].name.c_str(), margin,
-                    index_.models()[other.model].name.c_str(), verify_.min_margin);
-      return text;
+      const double margin = best.verification.score - score;
+      if (margin < rival.margin) rival = {&other, margin};
     }
-    return "";
+    return rival;
+  }
+
+  double liftOf(const Hypothesis& hypothesis) const {
+    if (tables_.empty()) return 0;
+    const Eigen::Isometry3f T = hypothesis.T_camera_object.cast<float>();
+    const auto& points = index_.models()[hypothesis.model].surface.points;
+    const Table& table = tables_[tableUnder(tables_, T * centroidOf(points))];
+    double lowest = std::numeric_limits<double>::infinity();
+    for (const auto& p : points) lowest = std::min(lowest, heightAbove(table, T * p));
+    return lowest;
+  }
+
+  std::string marginRefusal(const Hypothesis& best) const {
+    const Rival rival = rivalOf(best);
+    if (rival.margin >= verify_.min_margin) return "";
+    char text[200];
+    std::snprintf(text, sizeof text, "%s: margin %.2f over %s, limit %.2f",
+                  index_.models()[best.model].name.c_str(), rival.margin,
+                  index_.models()[rival.hypothesis->model].name.c_str(), verify_.min_margin);
+    return text;
   }
 
   void take(const Marks& marks) {
@@ -321,7 +350,7 @@ class Decision {
     object.T_camera_object = hypothesis.T_camera_object;
     object.fitness = hypothesis.verification.agreement.fitness;
     object.visible = hypothesis.verification.agreement.visible;
-    object.explained = hypothesis.verification.agreement.explained;
+    object.evidence = evidenceOf(hypothesis);
     std::vector<double> shares;
     for (std::size_t k = 0; k < clusters_.size(); ++k)
       shares.push_back(shareOfCluster(hypothesis.explained, k));
