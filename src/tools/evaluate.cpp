@@ -87,7 +87,7 @@ namespace {
 
 struct EvaluateArguments {
   std::string labels, poses, models, results, report;
-  std::vector<std::string> unknown;
+  std::vector<std::string> unknown, by_add_s;
   double min_visible = 0;
   bool json = false, fit = false;
 };
@@ -97,7 +97,7 @@ void evaluate(const EvaluateArguments& arguments) {
   if (!arguments.labels.empty())
     evaluateLabels(arguments.labels, arguments.results, arguments.json, arguments.report);
   else
-    evaluatePoses({arguments.poses, arguments.models, arguments.results, arguments.unknown,
+    evaluatePoses({arguments.poses, arguments.models, arguments.results, arguments.unknown, arguments.by_add_s,
                    arguments.min_visible, arguments.json, arguments.fit, arguments.report});
 }
 
@@ -123,6 +123,12 @@ void addEvaluate(CLI::App& app) {
       ->add_option("--unknown", arguments->unknown,
                    "objects of the truth that were not taught: giving them a name is wrong")
       ->type_name("NAME")
+      ->needs(poses);
+  command
+      ->add_option("--by-add-s", arguments->by_add_s,
+                   "objects whose pose cannot be told, a mug whose handle is hidden: ADD-S below "
+                   "0.1 diameters makes them right")
+      ->type_name("SCENE/NAME")
       ->needs(poses);
   command
       ->add_option("--min-visible", arguments->min_visible,

@@ -206,6 +206,20 @@ std::size_t countFalseAccepts(const PosedScene& scene, const TrueModels& models)
   return accepted.size();
 }
 
+bool isObject(const std::string& scene_and_name, const std::vector<PosedScene>& scenes) {
+  for (const auto& scene : scenes)
+    for (const auto& object : scene.truth)
+      if (scene.name + "/" + object.name == scene_and_name) return true;
+  return false;
+}
+
+/// Has ADD-S judge the objects of a scene that are named as SCENE/NAME.
+void judgeByAddS(const std::vector<std::string>& names, PosedScene& scene) {
+  for (auto& outcome : scene.score.truth)
+    outcome.by_add_s =
+        std::find(names.begin(), names.end(), scene.name + "/" + outcome.name) != names.end();
+}
+
 /// Takes out the objects of which less is visible, and the results that are right about them.
 void leaveOutHidden(PosedScene& scene, double min_visible) {
   const auto hidden = [&](std::size_t object) {
@@ -434,6 +448,9 @@ void evaluatePoses(const PoseEvaluation& evaluation) {
       readScenes(evaluation.truth, {evaluation.unknown.begin(), evaluation.unknown.end()});
   std::vector<std::string> names;
   for (const auto& scene : scenes) names.push_back(scene.name);
+  for (const auto& name : evaluation.by_add_s)
+    if (!isObject(name, scenes))
+      throw std::invalid_argument("--by-add-s " + name + ": the truth has no such SCENE/NAME");
   const auto result_files = findResults(evaluation.results, names, ".json");
   const auto models = readModels(evaluation.models, scenes);
   for (auto& scene : scenes) {
@@ -442,6 +459,7 @@ void evaluatePoses(const PoseEvaluation& evaluation) {
     if (scene.has_result) readResult(result->second, scene);
     scene.score = scorePoses({scene.truth.begin(), scene.truth.end()},
                              {scene.results.begin(), scene.results.end()}, models.reference);
+    judgeByAddS(evaluation.by_add_s, scene);
     scene.false_accepts = countFalseAccepts(scene, models);
     leaveOutHidden(scene, evaluation.min_visible);
     scene.bop = bopRecalls(scene, models);

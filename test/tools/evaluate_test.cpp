@@ -1,5 +1,6 @@
 #include "evaluate.h"
 
+#include <cmath>
 #include <sstream>
 #include <stdexcept>
 
@@ -278,6 +279,19 @@ TEST_F(EvaluatePoses, whatIsHardlyVisibleNeedNotBeFoundButMayBe) {
   EXPECT_EQ(all()["right"], 1);
   writeResult({result("wedge", 0), result("wedge", 0.34)});
   EXPECT_EQ(all()["precision"], 0.5) << "wrong about it";
+}
+
+TEST_F(EvaluatePoses, judgesAPoseThatCannotBeToldByAddS) {
+  // Turned by 0.2 rad about z: one vertex of four is off by 40 mm, another by 20; 22 are allowed.
+  auto turned = result("wedge", 0);
+  turned["pose"]["orientation"] = {0, 0, std::sin(0.1), std::cos(0.1)};
+  writeResult({turned, result("wedge", 0.3)});
+  const auto all = [&](const std::string& more) {
+    return json::parse(evaluate(words() + more + " --json"))["all"];
+  };
+  EXPECT_EQ(all("")["right"], 1);
+  EXPECT_EQ(all(" --by-add-s s1/wedge")["right"], 2);
+  EXPECT_MENTIONS(complaint(words() + " --by-add-s s2/wedge"), "no such SCENE/NAME");
 }
 
 TEST_F(EvaluatePoses, fitsTheWeightsOfTheScore) {
