@@ -54,7 +54,8 @@ struct Evidence {
   double rms = 0;       ///< distance of all points about it from the model's tangent planes [m]
   double area = 0;      ///< of the surface that it explains [m^2]
   double margin = 1;    ///< lead of its agreement over that of the best other object there
-  double lift = 0;      ///< of its lowest point above the table, 0 without a table [m]
+  double lift = 0;      ///< of its lowest point above the table; 0 without a table and where
+                        ///< something else carries it [m]
 };
 
 /// The terms of the log odds that an object is what it is taken for, and their names: the evidence

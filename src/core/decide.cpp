@@ -17,7 +17,10 @@ constexpr double MIN_PROMISE_RATIO = 0.6;  // of a candidate to the best one of 
 constexpr double MIN_OWN_SHARE = 0.7;      // of an object's points that no other object explains
 constexpr double RIVAL_OVERLAP = 0.5;  // share of an object's points that a rival explains as well
 constexpr double MIN_SHARE_OF_CLUSTER = 0.3;  // that an object explains if the cluster shows it
-constexpr double TAKEN_SHARE = 0.5;  // of a cluster that objects explain: it is no unknown thing
+constexpr double TAKEN_SHARE = 0.5;    // of a cluster that objects explain: it is no unknown thing
+constexpr double UNDERSIDE = 0.03;     // of a thing, about its lowest point [m]
+constexpr double CARRIER_NEAR = 0.01;  // what carries a thing lies no farther beside it [m]
+constexpr int MIN_CARRIER_POINTS = 10;
 constexpr double MIN_LEFT_SHARE = 0.15;  // of a cluster that is worth another look
 
 /// The sampled points of all clusters.
@@ -297,14 +300,39 @@ class Decision {
     return rival;
   }
 
+  /// Height of a thing's lowest point above the table, 0 where something else carries it [m].
   double liftOf(const Hypothesis& hypothesis) const {
     if (tables_.empty()) return 0;
     const Eigen::Isometry3f T = hypothesis.T_camera_object.cast<float>();
-    const auto& points = index_.models()[hypothesis.model].surface.points;
-    const Table& table = tables_[tableUnder(tables_, T * centroidOf(points))];
+    std::vector<Eigen::Vector3f> surface;
+    for (const auto& p : index_.sparse(hypothesis.model).surface.points) surface.push_back(T * p);
+    const Table& table = tables_[tableUnder(tables_, centroidOf(surface))];
     double lowest = std::numeric_limits<double>::infinity();
-    for (const auto& p : points) lowest = std::min(lowest, heightAbove(table, T * p));
-    return lowest;
+    for (const auto& p : index_.models()[hypothesis.model].surface.points)
+      lowest = std::min(lowest, heightAbove(table, T * p));
+    return isCarried(hypothesis, surface, table, lowest) ? 0 : lowest;
+  }
+
+  /// Whether points that a thing does not explain lie right under it.
+  bool isCarried(const Hypothesis& hypothesis, const std::vector<Eigen::Vector3f>& surface,
+                 const Table& table, double lowest) const {
+    if (lowest < UNDERSIDE) return false;
+    const Eigen::Vector3f up = table.plane.head<3>().cast<float>();
+    std::vector<Eigen::Vector3f> foot;
+    for (const auto& p : surface)
+      if (heightAbove(table, p) < lowest + UNDERSIDE) foot.push_back(p);
+    const auto isUnder = [&](const Eigen::Vector3f& p) {
+      const double height = heightAbove(table, p) - lowest;
+      if (height > CARRIER_NEAR / 2 || height < -UNDERSIDE) return false;
+      return std::any_of(foot.begin(), foot.end(), [&](const Eigen::Vector3f& q) {
+        return up.cross(p - q).norm() < CARRIER_NEAR;
+      });
+    };
+    int under = 0;
+    for (std::size_t k = 0; k < standing_.parts.size(); ++k)
+      for (std::size_t i = 0; i < standing_.parts[k].size(); ++i)
+        under += !hypothesis.explained[k][i] && isUnder(standing_.parts[k].points[i]);
+    return under >= MIN_CARRIER_POINTS;
   }
 
   std::string marginRefusal(const Hypothesis& best) const {

@@ -9,16 +9,23 @@
 namespace tabletop_perception {
 namespace {
 
-// Of the terms of the score, as `tabletop evaluate --fit` prints them; docs/evaluation.md says of
-// what scenes.
+// Of the terms of the score. `tabletop evaluate --fit` prints what they should be for given scenes;
+// docs/evaluation.md says which of them are in use and why.
 constexpr int TERMS = 9;
-constexpr double WEIGHTS[TERMS] = {6.6, 8.8, 16.6, 0, -0.81, 0, 0, 0, 0};
-constexpr double LEAST_SHARE = 0.01;  // smaller ones are as unlikely
-constexpr double LEAST_AREA = 1e-4;   // [m^2]
+constexpr double WEIGHTS[TERMS] = {6.6, 8.8, 16.6, 0, -0.81, 0, 0, 0, -19.7};
+constexpr double LEAST_SHARE = 0.01;   // smaller ones are as unlikely
+constexpr double LEAST_AREA = 1e-4;    // [m^2]
+constexpr double TABLE_ERROR = 0.012;  // of the table's height where a thing stands [m]
 
 constexpr double MIN_TOUCHED = 0.2;  // share of a part that a model explains if it shows the model
 
 double square(double x) { return x * x; }
+
+/// How far off the table's height a thing is, from as far as a table of a real camera may be off: 0
+/// to 1.
+double offTable(double lift) {
+  return std::clamp((std::abs(lift) - TABLE_ERROR) / TABLE_ERROR, 0.0, 1.0);
+}
 
 /// The points of the parts that a model touches; of all parts if it touches none.
 Surface touchedParts(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
@@ -94,7 +101,7 @@ Eigen::VectorXd scoreTerms(const Evidence& evidence) {
   terms << 1, logOf(agreement.explained), logOf(not_seen_through), logOf(agreement.visible),
       square(1000 * evidence.rms), square(1000 * agreement.fitness),
       std::log(std::max(LEAST_AREA, evidence.area) / LEAST_AREA), logOf(evidence.margin),
-      std::min(10.0, std::abs(1000 * evidence.lift));
+      offTable(evidence.lift);
   return terms;
 }
 

@@ -97,8 +97,9 @@ void evaluate(const EvaluateArguments& arguments) {
   if (!arguments.labels.empty())
     evaluateLabels(arguments.labels, arguments.results, arguments.json, arguments.report);
   else
-    evaluatePoses({arguments.poses, arguments.models, arguments.results, arguments.unknown, arguments.by_add_s,
-                   arguments.min_visible, arguments.json, arguments.fit, arguments.report});
+    evaluatePoses({arguments.poses, arguments.models, arguments.results, arguments.unknown,
+                   arguments.by_add_s, arguments.min_visible, arguments.json, arguments.fit,
+                   arguments.report});
 }
 
 }  // namespace
