@@ -19,10 +19,10 @@ void evaluateLabels(const std::filesystem::path& truth, const std::filesystem::p
                     bool json, const std::filesystem::path& report);
 
 struct PoseEvaluation {
-  std::filesystem::path truth;       ///< of folders that have a gt.json
-  std::filesystem::path models;      ///< the objects' meshes
-  std::filesystem::path results;     ///< as `recognize --output` writes them
-  std::vector<std::string> unknown;  ///< names of the truth that were not taught
+  std::filesystem::path truth;        ///< of folders that have a gt.json
+  std::filesystem::path models;       ///< the objects' meshes
+  std::filesystem::path results;      ///< as `recognize --output` writes them
+  std::vector<std::string> unknown;   ///< names of the truth that were not taught
   std::vector<std::string> by_add_s;  ///< SCENE/OBJECT, which ADD-S is to judge instead of MSSD
   double min_visible = 0;  ///< objects of which less is visible need not be found, but may be
   bool json = false;

@@ -271,7 +271,7 @@ TEST_F(EvaluatePoses, whatIsHardlyVisibleNeedNotBeFoundButMayBe) {
   const auto all = [&] {
     return json::parse(evaluate(words() + " --min-visible 0.5 --json"))["all"];
   };
-  writeResult({result("wedge", 0)});
+  writeResult(json::array({result("wedge", 0)}));
   EXPECT_EQ(all()["objects"], 1);
   EXPECT_EQ(all()["right_recall"], 1.0);
   writeResult({result("wedge", 0.3), result("wedge", 0)});
@@ -307,7 +307,7 @@ TEST_F(EvaluatePoses, fitsTheWeightsOfTheScore) {
   EXPECT_EQ(fit["results"], 3);
   EXPECT_GT(fit["weights"]["visible"], 0) << "the one that is wrong is seen least";
   EXPECT_LT(fit["fitted_loss"], 0.3);
-  writeResult({result("wedge", 0)});
+  writeResult(json::array({result("wedge", 0)}));
   EXPECT_MENTIONS(complaint(words() + " --fit"), "no result with a name says its evidence");
 }
 
