@@ -17,7 +17,7 @@
 namespace tabletop_perception {
 
 /// What the camera saw at a pixel.
-struct Sighting {
+struct SeenPoint {
   float range;   ///< of the point there, NaN for none [m]
   float height;  ///< of it above the table, infinite without one [m]
 };
@@ -26,9 +26,9 @@ struct Sighting {
 /// it was made of: they must outlive it.
 struct Observation {
   const Cloud& scene;
-  const Table* table = nullptr;                            ///< none: nothing is known of one
-  std::optional<Projection> projection;                    ///< none: free space says nothing
-  std::shared_ptr<const std::vector<Sighting>> sightings;  ///< per pixel, where it is known
+  const Table* table = nullptr;                             ///< none: nothing is known of one
+  std::optional<Projection> projection;                     ///< none: free space says nothing
+  std::shared_ptr<const std::vector<SeenPoint>> sightings;  ///< per pixel, where it is known
   std::shared_ptr<const KdTree> points;  ///< of the scene, where there is no projection
 };
 

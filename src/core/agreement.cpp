@@ -85,12 +85,12 @@ TABLETOP_SIMD_CLONES Shown classify(const float* ranges, const float* slacks,
 }
 
 Shown shownOf(const PlanarBlock& model, const Sight& sight,
-              const std::vector<Sighting>& sightings) {
+              const std::vector<SeenPoint>& sightings) {
   alignas(32) float ranges[SIZE], slacks[SIZE], seen_ranges[SIZE], heights[SIZE];
   alignas(32) std::int32_t pixels[SIZE];
   project(model, sight, ranges, slacks, pixels);
   for (int i = 0; i < SIZE; ++i) {
-    const Sighting seen = pixels[i] < 0 ? Sighting{NONE, 0} : sightings[pixels[i]];
+    const SeenPoint seen = pixels[i] < 0 ? SeenPoint{NONE, 0} : sightings[pixels[i]];
     seen_ranges[i] = seen.range;
     heights[i] = seen.height;
   }
@@ -158,8 +158,8 @@ TABLETOP_SIMD_CLONES void addCloseness(const Correspondences& block, float inver
       lanes[lane] += std::max(0.0f, 1 - block.squared[i + lane] * inverse_limit);
 }
 
-std::vector<Sighting> sightingsOf(const Cloud& scene, const Table* table) {
-  std::vector<Sighting> sightings(scene.size());
+std::vector<SeenPoint> sightingsOf(const Cloud& scene, const Table* table) {
+  std::vector<SeenPoint> sightings(scene.size());
   const Eigen::Vector4f plane =
       table ? Eigen::Vector4f(table->plane.cast<float>()) : Eigen::Vector4f::Zero();
   const float above = table ? plane[3] : std::numeric_limits<float>::infinity();
@@ -175,7 +175,7 @@ std::vector<Sighting> sightingsOf(const Cloud& scene, const Table* table) {
 Observation withTable(Observation known, const Table* table) {
   known.table = table;
   if (known.projection)
-    known.sightings = std::make_shared<std::vector<Sighting>>(sightingsOf(known.scene, table));
+    known.sightings = std::make_shared<std::vector<SeenPoint>>(sightingsOf(known.scene, table));
   return known;
 }
 
