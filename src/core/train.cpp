@@ -223,7 +223,7 @@ ObjectModel trainFromViews(const std::string& name, const std::vector<TrainingVi
   std::vector<Seen> seen;
   for (const TrainingView& view : views) {
     seen.push_back(look(view.cloud, view.cloud, view.T_view_object, options));
-    if (seen.back().view.surface.empty())
+    if (validIndices(view.cloud).empty())
       throw std::invalid_argument("object '" + name + "': view " + std::to_string(seen.size()) +
                                   " of " + std::to_string(views.size()) + " has no points");
     if (progress) progress(static_cast<double>(seen.size()) / static_cast<double>(views.size()));
