@@ -91,7 +91,7 @@ std::optional<double> workingMemory(const std::function<void()>& work) {
 std::vector<std::uint32_t> frontEnd(const PackedCloud& packed,
                                     const std::optional<Eigen::Vector3d>& up,
                                     const PipelineOptions& options) {
-  const Cloud filtered = filterCloud(unpackCloud(packed), options.filter);
+  const Cloud filtered = filterCloud(packed, options.filter);
   const auto tables = findTables(filtered, up, options.table);
   if (!tables) return {};
   const auto clusters =
@@ -159,7 +159,7 @@ void timeWholeFrame(const Cloud& cloud, const pcl::PCLPointCloud2& message,
   const auto packed = packedView(message);
   stages.time(
       "crop", "PassThrough",
-      [&] { return cropRange(unpackCloud(packed), stock::MIN_DEPTH, stock::MAX_DEPTH); },
+      [&] { return unpackCloud(packed, stock::MIN_DEPTH, stock::MAX_DEPTH); },
       [&] { return stock::crop(message, forward, true); });
   const stock::Points::ConstPtr points = stock::pointsOf(cloud);
   stages.time(

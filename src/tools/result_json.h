@@ -17,6 +17,11 @@ nlohmann::ordered_json recognitionJson(const Scene& scene, const Recognition& re
 /// What `segment --json` prints: the same without names and scores.
 nlohmann::ordered_json segmentationJson(const Scene& scene, const Segmentation& segmentation);
 
+/// The `evidence` of an object, and back. Throws nlohmann::json::exception where a number is
+/// missing.
+nlohmann::ordered_json evidenceJson(const Evidence& evidence);
+Evidence evidenceFrom(const nlohmann::json& json);
+
 /// JSON as one line, with its end; bytes that are not UTF-8 (of a file's name) are replaced.
 std::string jsonLine(const nlohmann::ordered_json& json);
 
