@@ -50,13 +50,7 @@ std::string format(const char* text, ...) {
 
 /// Every few pixels of an organised cloud, about COARSE_COLUMNS in a row.
 Cloud coarseGridOf(const Cloud& cloud) {
-  const int step = std::max(1, (cloud.width + COARSE_COLUMNS / 2) / COARSE_COLUMNS);
-  Cloud coarse((cloud.width + step - 1) / step, (cloud.height + step - 1) / step, false);
-  for (int row = 0; row < coarse.height; ++row)
-    for (int column = 0; column < coarse.width; ++column)
-      coarse.setPoint(row * coarse.width + column,
-                      cloud.point(row * step * cloud.width + column * step));
-  return coarse;
+  return decimated(cloud, std::max(1, (cloud.width + COARSE_COLUMNS / 2) / COARSE_COLUMNS));
 }
 
 /// Mean viewing ray of a cloud: forward, whatever the camera's convention.
