@@ -1,22 +1,24 @@
 #include "tabletop_perception/pick.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdarg>
+#include <cstdint>
 #include <cstdio>
 #include <limits>
 #include <string>
 
-#include <Eigen/Eigenvalues>
+#include <opencv2/imgproc.hpp>
 
 #include "tabletop_perception/planes.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr double AT_EDGE = 0.01;  // of a cluster: its outermost points may lack [m]
-constexpr int SCAN_STEP = 4;      // of the pixels that a window is looked for among
-constexpr int SURFACE_SEED = 1;   // same points, same surface
+constexpr double AT_EDGE = 0.01;           // of a cluster: its outermost points may lack [m]
+constexpr int SCAN_STEP = 4;               // of the pixels that a window is looked for among
+constexpr std::uint32_t SURFACE_SEED = 1;  // same points, same surface
 
 std::string format(const char* text, ...) __attribute__((format(printf, 1, 2)));
 std::string format(const char* text, ...) {
@@ -84,19 +86,22 @@ Eigen::Vector3d directed(const Eigen::Vector3d& axis, const Table& table) {
   return in_table[most] < 0 ? Eigen::Vector3d(-axis) : axis;
 }
 
-/// The direction across `normal` along which points spread most.
-Eigen::Vector3d longAxis(const Cloud& points, const Indices& among, const Eigen::Vector3d& middle,
-                         const Eigen::Vector3d& normal) {
+/// Along the longer side of the least rectangle about points on a plane. Principal axes are drawn
+/// aside where something hides a corner of the surface; the rectangle's sides are not.
+Eigen::Vector3d longAxis(const Cloud& points, const Indices& among, const Eigen::Vector3d& normal) {
   const Eigen::Vector3d u = normal.unitOrthogonal(), v = normal.cross(u);
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+  std::vector<cv::Point2f> flat;
+  flat.reserve(among.size());
   for (const int i : among) {
-    const Eigen::Vector3d d = points.point(i).cast<double>() - middle;
-    const Eigen::Vector2d flat(u.dot(d), v.dot(d));
-    covariance += flat * flat.transpose();
+    const Eigen::Vector3d p = points.point(i).cast<double>();
+    flat.emplace_back(static_cast<float>(u.dot(p)), static_cast<float>(v.dot(p)));
   }
-  const Eigen::Vector2d axis =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(covariance).eigenvectors().col(1);
-  return (axis.x() * u + axis.y() * v).normalized();
+  std::array<cv::Point2f, 4> corners;
+  cv::minAreaRect(flat).points(corners.data());
+  const cv::Point2f a = corners[1] - corners[0], b = corners[2] - corners[1];
+  const cv::Point2f longer = cv::norm(a) > cv::norm(b) ? a : b;
+  const Eigen::Vector3d axis = longer.x * u + longer.y * v;
+  return axis.norm() > 0 ? axis.normalized() : u;
 }
 
 double extentAlong(const Cloud& points, const Indices& among, const Eigen::Vector3d& axis) {
@@ -254,7 +259,7 @@ Found<GraspSurface> graspSurface(const std::vector<Eigen::Vector3f>& points, con
   surface.plane = largest->plane;
   surface.points = static_cast<int>(largest->points.size());
   const Eigen::Vector3d z = largest->plane.head<3>(), middle = largest->centroid;
-  const Eigen::Vector3d x = directed(longAxis(cloud, largest->points, middle, z), table);
+  const Eigen::Vector3d x = directed(longAxis(cloud, largest->points, z), table);
   const Eigen::Vector3d y = z.cross(x);
   surface.extents = {extentAlong(cloud, largest->points, x),
                      extentAlong(cloud, largest->points, y)};

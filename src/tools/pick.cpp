@@ -59,7 +59,12 @@ void pick(const PickArguments& arguments) {
                       ? pickInScene(scene.cloud, *target, stated_up ? stated_up : scene.up, options)
                       : Found<Pick>::none(target.reason);
     std::optional<SceneObject> object;
-    if (picked && models) object = recognizePick(*picked.value, *models, options);
+    if (picked && models) {
+      object = recognizePick(*picked.value, *models, options);
+      if (const int model = models->find(object->name); model >= 0)
+        completePick(*picked.value, models->models()[model], object->T_camera_object,
+                     options.grasp);
+    }
     if (arguments.json)
       std::fputs(jsonLine(pickJson(scene, picked, object)).c_str(), stdout);
     else
