@@ -20,8 +20,17 @@ struct Surface {
 /// The surface moved by T_target_source.
 Surface transformed(const Surface& source, const Eigen::Isometry3d& T_target_source);
 
+/// Some points of a surface, in the order of the indices.
+Surface selected(const Surface& surface, const std::vector<int>& indices);
+
 /// Mean of the points; they must not be empty.
 Eigen::Vector3f centroidOf(const std::vector<Eigen::Vector3f>& points);
+
+/// The direction that a surface faces on the whole [unit]; z where its normals cancel out.
+Eigen::Vector3f meanNormal(const Surface& surface);
+
+/// A lower bound of the largest distance of two points, exact for most shapes; 0 for none [m].
+double extentOf(const std::vector<Eigen::Vector3f>& points);
 
 /// One point per cube of `leaf` [m] and direction that a surface in it faces (the two sides of a
 /// thin wall stay apart): the mean point and the normalised mean normal.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,25 +15,31 @@
 namespace tabletop_perception {
 
 struct MatchOptions {
-  std::string kinds = "both";         ///< descriptors compared: "vfh", "cvfh" or "both"
+  std::string kinds = "vfh cvfh";     ///< descriptors compared: some of "vfh", "cvfh", "our_cvfh",
+                                      ///< "esf", with spaces between
   std::string metric = "chi_square";  ///< distance of two histograms: "l1", "l2", "chi_square"
   int neighbors = 10;                 ///< nearest views of each kind that are looked at
   double max_distance = 400;          ///< views farther than this are no match [of the metric]
-  double max_size_ratio = 1.3;        ///< clusters larger than this times the model do not match
+  double max_size_ratio = 1.3;        ///< clusters larger than this times a view do not match it
+  double min_size_ratio = 0.3;        ///< clusters smaller than this times a view do not either
   double union_gap = 0.015;           ///< clusters this near are also matched as one; 0: never [m]
-  int rolls = 24;                     ///< turns about the viewing axis that are tried per view
+  std::string roll = "steps";         ///< where turns about the viewing axis come from: "steps"
+                                      ///< of the circle, "histogram": peaks of the camera roll
+  int rolls = 24;                     ///< such turns per view; with "histogram" at most
   bool stands = true;  ///< every model is also tried in every way that it stands on the table
   bool parts = true;   ///< the smooth parts of a cluster that resembles nothing are matched too
   int max_candidates = 10;  ///< best initial poses kept per cluster, and per part of it
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
-    visit("kinds", kinds, Choices{{"vfh", "cvfh", "both"}});
+    visit("kinds", kinds, WordList{{"vfh", "cvfh", "our_cvfh", "esf"}});
     visit("metric", metric, Choices{{"l1", "l2", "chi_square"}});
     visit("neighbors", neighbors, Range{1, 1000});
     visit("max_distance", max_distance, Range{0, 1e6});
     visit("max_size_ratio", max_size_ratio, Range{0.1, 100});
+    visit("min_size_ratio", min_size_ratio, Range{0, 1});
     visit("union_gap", union_gap, Range{0, 0.2});
+    visit("roll", roll, Choices{{"steps", "histogram"}});
     visit("rolls", rolls, Range{1, 360});
     visit("stands", stands);
     visit("parts", parts);
@@ -47,6 +54,19 @@ struct Neighbor {
   Eigen::Vector3f view_centroid;     ///< of what was described, in the view's frame [m]
   Eigen::Vector3f cluster_centroid;  ///< of what was described, in the camera's frame [m]
   double distance;                   ///< of the descriptors, in the metric
+  std::optional<Eigen::Matrix3f> R_camera_view;  ///< where descriptors have axes, these agree
+};
+
+/// A pose in which a view shows a model as a cluster looks.
+struct ViewPose {
+  int model;  ///< index into the models of the ModelIndex
+  Eigen::Isometry3d T_camera_object;
+  double distance;  ///< of the descriptors, in the metric
+};
+
+struct ViewPoses {
+  std::vector<ViewPose> poses;
+  bool any_of_size = false;  ///< whether any view is of the cluster's size, near or not
 };
 
 /// A guess at what a cluster is and where.
@@ -62,13 +82,24 @@ struct Candidate {
 /// sum (a - b)^2 / (a + b) over the bins where a + b > 0.
 double histogramDistance(const float* a, const float* b, int size, const std::string& metric);
 
-/// The nearest vectors of the descriptor's kind, nearest first, none beyond `max_distance`.
-std::vector<Neighbor> nearestViews(const Descriptor& descriptor, const ModelIndex& index,
-                                   const MatchOptions& options);
+/// The nearest vectors of the descriptor's kind, nearest first, none beyond `max_distance` and none
+/// of a view that is much larger or smaller than `extent`, the described cluster's [m].
+std::vector<Neighbor> nearestViews(const Descriptor& descriptor, double extent,
+                                   const ModelIndex& index, const MatchOptions& options);
 
-/// The pose that a view suggests: the viewing axes through both centroids are brought together,
-/// the object is turned by `roll` [rad] about the axis, and the centroids coincide.
+/// The pose that a view suggests: the centroids coincide and, where the descriptors have axes,
+/// these too. Otherwise the viewing axes through the centroids are brought together, and the object
+/// is turned by `roll` [rad] about the axis.
 Eigen::Isometry3d poseFromView(const Neighbor& neighbor, const View& view, double roll);
+
+/// The turns about the viewing axis [rad], best first, at which a view's camera-roll histogram
+/// agrees with a cluster's; none where one of the two faces the camera and says nothing.
+std::vector<double> rollsFromHistograms(const float* of_cluster, const float* of_view,
+                                        const Neighbor& neighbor);
+
+/// The poses in which the nearest views of each descriptor of a cluster show it.
+ViewPoses posesFromViews(const std::vector<Descriptor>& descriptors, double extent,
+                         const ModelIndex& index, const MatchOptions& options);
 
 /// Candidates for a cluster sampled by `sampleSurface`, most promising first. Guesses come from the
 /// nearest views of each kind of descriptor at every roll and from all ways that a model of fitting

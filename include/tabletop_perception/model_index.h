@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,9 +17,11 @@ class ModelIndex {
  public:
   /// One vector of one kind, and where it comes from.
   struct Entry {
-    int model;                 ///< index into models()
-    int view;                  ///< index into its views
-    Eigen::Vector3f centroid;  ///< of what the vector describes, in the view's frame [m]
+    int model;                            ///< index into models()
+    int view;                             ///< index into its views
+    Eigen::Vector3f centroid;             ///< of what the vector describes, in the view's frame [m]
+    double extent;                        ///< of what the view shows [m]
+    std::optional<Eigen::Matrix3f> axes;  ///< as in Descriptor
   };
 
   /// All vectors of one kind, row after row.
@@ -33,6 +36,7 @@ class ModelIndex {
   explicit ModelIndex(std::vector<ObjectModel> models);
 
   bool empty() const { return models_.empty(); }
+  /// Their views hold the poses alone: descriptors are in the tables, the clouds serve no more.
   const std::vector<ObjectModel>& models() const { return models_; }
   const NearestGrid& grid(int model) const { return grids_[model]; }
   const SparseModel& sparse(int model) const { return sparse_[model]; }
@@ -43,6 +47,9 @@ class ModelIndex {
   /// The vectors of a kind; an empty table for a kind that no view has.
   const Table& vectors(const std::string& kind) const;
 
+  /// The camera-roll histogram of a view, ROLL_BINS long; null if it has none.
+  const float* cameraRoll(int model, int view) const;
+
   /// Index of the model of that name, or -1.
   int find(const std::string& name) const;
 
@@ -51,6 +58,7 @@ class ModelIndex {
   std::vector<NearestGrid> grids_;
   std::vector<SparseModel> sparse_;
   std::map<std::string, Table> vectors_;
+  std::vector<std::vector<std::optional<std::size_t>>> rolls_;  // rows, by model and view
   DescriptorOptions options_;
 };
 

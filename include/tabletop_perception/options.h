@@ -31,6 +31,14 @@ struct Choices {
   std::vector<std::string> words;
 };
 
+/// Words of which an option may name one or several, with spaces between.
+struct WordList {
+  std::vector<std::string> words;
+};
+
+/// The words of such an option.
+std::vector<std::string> splitWords(const std::string& value);
+
 /// Throws std::invalid_argument with the option's full name, its value and what would be right,
 /// unless `value` lies in `range`.
 template <typename T>
@@ -46,6 +54,9 @@ void checkOption(const std::string& name, int value, const OddRange& range);
 
 /// As above, unless `value` is one of `choices`.
 void checkOption(const std::string& name, const std::string& value, const Choices& choices);
+
+/// As above, unless `value` holds some words of the list and no other.
+void checkOption(const std::string& name, const std::string& value, const WordList& list);
 
 /// Throws std::invalid_argument with both names and values unless the first option of the pair is
 /// below the second; `prefix` comes before the names.

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "tabletop_perception/cloud.h"
+#include "tabletop_perception/geometry.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/options.h"
 
@@ -35,5 +36,9 @@ struct RegionGrowingOptions {
 /// them; throws std::invalid_argument for another number of them.
 std::vector<Indices> growRegions(const Cloud& cloud, const Normals& normals,
                                  const RegionGrowingOptions& options);
+
+/// The same for the points of a surface. Their curvature, as far as `max_curvature` goes, is how
+/// much the normals within `gap` cancel out: 0 where they are all alike.
+std::vector<Indices> growRegions(const Surface& surface, const RegionGrowingOptions& options);
 
 }  // namespace tabletop_perception

@@ -100,7 +100,8 @@ Found<Table> findTable(const Cloud& cloud, const std::optional<Eigen::Vector3d>&
                        const TableOptions& options);
 
 /// What stands on any of the tables: of `cloud` those points, the grid kept, the rest dropped.
-/// Boards above others are no things: their points, and those of their edges, are dropped.
+/// Boards above others are no things: their points, and those of their edges, are dropped. Where
+/// the edge of an organised cloud's picture cuts a table off, things also stand a little beyond.
 Cloud pointsOnTables(const Cloud& cloud, const std::vector<Table>& tables,
                      const TableOptions& options);
 

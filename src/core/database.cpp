@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "blobs are written as they lie in memory");
 
 constexpr int APPLICATION_ID = 0x5442544F;  ///< "TBTO", for `file` and against foreign databases
-constexpr int SCHEMA_VERSION = 1;
+constexpr int SCHEMA_VERSION = 2;
 constexpr int BUSY_TIMEOUT_MS = 5000;
 constexpr std::uintmax_t SMALLEST_PAGE = 512;  ///< of SQLite [bytes]
 
@@ -52,7 +52,8 @@ CREATE TABLE descriptor (
   view INTEGER NOT NULL REFERENCES view(id) ON DELETE CASCADE,
   kind TEXT NOT NULL,
   centroid BLOB NOT NULL,             -- in the camera's frame [m]
-  histogram BLOB NOT NULL);
+  histogram BLOB NOT NULL,
+  axes BLOB NOT NULL);                -- 3 x 3 float32, in the camera's frame, or nothing
 CREATE INDEX descriptor_view ON descriptor(view);
 )sql";
 
@@ -231,6 +232,7 @@ Value singleBlobOf(const SQLite::Column& column) {
 }
 
 using Matrix34RowMajor = Eigen::Matrix<double, 3, 4, Eigen::RowMajor | Eigen::DontAlign>;
+using Axes = Eigen::Matrix<float, 3, 3, Eigen::RowMajor | Eigen::DontAlign>;
 using Matrix33RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor | Eigen::DontAlign>;
 
 // --- writing
@@ -238,12 +240,14 @@ using Matrix33RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor | Eigen::Do
 void insertDescriptors(SQLite::Database& db, std::int64_t view,
                        const std::vector<Descriptor>& descriptors) {
   SQLite::Statement insert(
-      db, "INSERT INTO descriptor (view, kind, centroid, histogram) VALUES (?, ?, ?, ?)");
+      db, "INSERT INTO descriptor (view, kind, centroid, histogram, axes) VALUES (?, ?, ?, ?, ?)");
   for (const auto& descriptor : descriptors) {
     insert.bind(1, view);
     insert.bind(2, descriptor.kind);
     bindBlob(insert, 3, &descriptor.centroid, 1);
     bindBlob(insert, 4, descriptor.values);
+    const Axes axes = descriptor.axes.value_or(Eigen::Matrix3f::Zero());
+    bindBlob(insert, 5, &axes, descriptor.axes ? 1 : 0);
     insert.exec();
     insert.reset();
   }
@@ -309,7 +313,7 @@ bool deleteObject(SQLite::Database& db, const std::string& name) {
 
 std::vector<Descriptor> selectDescriptors(SQLite::Database& db, std::int64_t view) {
   SQLite::Statement select(
-      db, "SELECT kind, centroid, histogram FROM descriptor WHERE view = ? ORDER BY id");
+      db, "SELECT kind, centroid, histogram, axes FROM descriptor WHERE view = ? ORDER BY id");
   select.bind(1, view);
   std::vector<Descriptor> descriptors;
   while (select.executeStep()) {
@@ -317,6 +321,8 @@ std::vector<Descriptor> selectDescriptors(SQLite::Database& db, std::int64_t vie
     descriptor.kind = select.getColumn(0).getString();
     descriptor.centroid = singleBlobOf<Eigen::Vector3f>(select.getColumn(1));
     descriptor.values = blobOf<float>(select.getColumn(2));
+    if (select.getColumn(3).getBytes() > 0)
+      descriptor.axes = singleBlobOf<Axes>(select.getColumn(3));
     descriptors.push_back(std::move(descriptor));
   }
   return descriptors;

@@ -25,6 +25,34 @@ Surface transformed(const Surface& source, const Eigen::Isometry3d& T_target_sou
   return target;
 }
 
+Surface selected(const Surface& surface, const std::vector<int>& indices) {
+  Surface part;
+  part.points.reserve(indices.size());
+  part.normals.reserve(indices.size());
+  for (const int i : indices) {
+    part.points.push_back(surface.points[i]);
+    part.normals.push_back(surface.normals[i]);
+  }
+  return part;
+}
+
+Eigen::Vector3f meanNormal(const Surface& surface) {
+  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  for (const auto& normal : surface.normals) sum += normal;
+  return sum.norm() > 0 ? Eigen::Vector3f(sum.normalized()) : Eigen::Vector3f::UnitZ();
+}
+
+double extentOf(const std::vector<Eigen::Vector3f>& points) {
+  if (points.empty()) return 0;
+  const auto farthestFrom = [&](const Eigen::Vector3f& from) {
+    return *std::max_element(points.begin(), points.end(), [&](const auto& a, const auto& b) {
+      return (a - from).squaredNorm() < (b - from).squaredNorm();
+    });
+  };
+  const Eigen::Vector3f end = farthestFrom(centroidOf(points));
+  return (farthestFrom(end) - end).norm();
+}
+
 Eigen::Vector3f centroidOf(const std::vector<Eigen::Vector3f>& points) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const auto& p : points) sum += p.cast<double>();

@@ -36,17 +36,6 @@ struct Guess {
   double promise = 0;
 };
 
-/// A lower bound of the largest distance of two points, exact for most shapes.
-double extentOf(const std::vector<Eigen::Vector3f>& points) {
-  const auto farthestFrom = [&](const Eigen::Vector3f& from) {
-    return *std::max_element(points.begin(), points.end(), [&](const auto& a, const auto& b) {
-      return (a - from).squaredNorm() < (b - from).squaredNorm();
-    });
-  };
-  const Eigen::Vector3f end = farthestFrom(centroidOf(points));
-  return (farthestFrom(end) - end).norm();
-}
-
 /// About `count` of the points, evenly taken.
 Surface thinned(const Surface& surface, int count) {
   const std::size_t step = std::max<std::size_t>(1, surface.size() / count);
@@ -64,87 +53,10 @@ bool samePose(const Candidate& a, const Candidate& b) {
          angleOf(motion.linear()) < SAME_ANGLE;
 }
 
-bool wanted(const std::string& kind, const MatchOptions& options) {
-  return options.kinds == "both" || options.kinds == kind;
-}
-
 std::string format(const char* text, double value, double limit) {
   char line[160];
   std::snprintf(line, sizeof line, text, value, limit);
   return line;
-}
-
-}  // namespace
-
-double histogramDistance(const float* a, const float* b, int size, const std::string& metric) {
-  double sum = 0;
-  if (metric == "l1") {
-    for (int i = 0; i < size; ++i) sum += std::abs(a[i] - b[i]);
-    return sum;
-  }
-  if (metric == "l2") {
-    for (int i = 0; i < size; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
-    return std::sqrt(sum);
-  }
-  checkOption("match.metric", metric, Choices{{"l1", "l2", "chi_square"}});
-  for (int i = 0; i < size; ++i)
-    if (a[i] + b[i] > 0) sum += (a[i] - b[i]) * (a[i] - b[i]) / (a[i] + b[i]);
-  return sum;
-}
-
-std::vector<Neighbor> nearestViews(const Descriptor& descriptor, const ModelIndex& index,
-                                   const MatchOptions& options) {
-  const auto& vectors = index.vectors(descriptor.kind);
-  if (vectors.dimension != static_cast<int>(descriptor.values.size())) return {};
-  std::vector<Neighbor> neighbors;
-  for (std::size_t i = 0; i < vectors.entries.size(); ++i) {
-    const auto& entry = vectors.entries[i];
-    const float* row = vectors.values.data() + i * vectors.dimension;
-    neighbors.push_back(
-        {entry.model, entry.view, entry.centroid, descriptor.centroid,
-         histogramDistance(descriptor.values.data(), row, vectors.dimension, options.metric)});
-  }
-  const auto nearer = [](const Neighbor& a, const Neighbor& b) { return a.distance < b.distance; };
-  std::stable_sort(neighbors.begin(), neighbors.end(), nearer);
-  if (neighbors.size() > static_cast<std::size_t>(options.neighbors))
-    neighbors.resize(options.neighbors);
-  while (!neighbors.empty() && neighbors.back().distance > options.max_distance)
-    neighbors.pop_back();
-  return neighbors;
-}
-
-Eigen::Isometry3d poseFromView(const Neighbor& neighbor, const View& view, double roll) {
-  const Eigen::Vector3d seen = neighbor.cluster_centroid.cast<double>();
-  const Eigen::Vector3d trained = neighbor.view_centroid.cast<double>();
-  const Eigen::Matrix3d R = Eigen::AngleAxisd(roll, seen.normalized()).toRotationMatrix() *
-                            rotationBetween(trained.normalized(), seen.normalized());
-  Eigen::Isometry3d T_camera_view = Eigen::Isometry3d::Identity();
-  T_camera_view.linear() = R;
-  T_camera_view.translation() = seen - R * trained;
-  return T_camera_view * view.T_view_object;
-}
-
-namespace {
-
-/// The poses in which the nearest views of a cluster's descriptors show it.
-std::vector<Guess> guessesFromViews(const std::vector<Descriptor>& descriptors, double extent,
-                                    const ModelIndex& index, const MatchOptions& options,
-                                    bool& any_near) {
-  std::vector<Guess> guesses;
-  for (const auto& descriptor : descriptors) {
-    if (!wanted(descriptor.kind, options)) continue;
-    for (const auto& neighbor : nearestViews(descriptor, index, options)) {
-      any_near = true;
-      const ObjectModel& model = index.models()[neighbor.model];
-      if (extent > options.max_size_ratio * model.diameter) continue;
-      for (int roll = 0; roll < options.rolls; ++roll)
-        guesses.push_back(
-            {neighbor.model,
-             poseFromView(neighbor, model.views[neighbor.view], 2 * M_PI * roll / options.rolls),
-             neighbor.distance});
-    }
-  }
-  return guesses;
 }
 
 /// Some points of a cluster that a model is to be laid on, and what they tell of its pose.
@@ -294,16 +206,18 @@ Found<std::vector<Candidate>> matchCluster(const Surface& cluster, const Observa
   using Result = Found<std::vector<Candidate>>;
   checkOptions("match", options);
   if (index.empty()) return Result::none("the database holds no object");
-  const auto descriptors =
-      describeSurface(cluster, Eigen::Vector3f::Zero(), index.descriptorOptions());
+  const auto descriptors = describeSurface(cluster, Eigen::Vector3f::Zero(),
+                                           index.descriptorOptions(), splitWords(options.kinds));
   if (descriptors.empty())
     return Result::none(format("the cluster has %.0f sampled points, limit %.0f",
                                static_cast<double>(cluster.size()),
                                index.descriptorOptions().min_points));
 
   const double extent = extentOf(cluster.points);
-  bool any_near = false;
-  auto guesses = guessesFromViews(descriptors, extent, index, options, any_near);
+  const auto views = posesFromViews(descriptors, extent, index, options);
+  std::vector<Guess> guesses;
+  for (const auto& pose : views.poses)
+    guesses.push_back({pose.model, pose.T_camera_object, pose.distance});
   const auto addStanding = [&](const Surface& points, bool smooth, std::vector<Guess>& to) {
     if (!options.stands || !observation.table) return;
     const Anchor anchor = anchorOf(points, smooth, *observation.table);
@@ -329,7 +243,7 @@ Found<std::vector<Candidate>> matchCluster(const Surface& cluster, const Observa
                      [](const Candidate& a, const Candidate& b) { return a.promise > b.promise; });
     return candidates;
   }
-  if (!any_near)
+  if (views.any_of_size)
     return Result::none(
         format("no view is nearer than %.0f in the descriptor's metric (%.0f compared)",
                options.max_distance, static_cast<double>(descriptors.size())));

@@ -6,6 +6,7 @@
 namespace tabletop_perception {
 namespace {
 
+const char* const CAMERA_ROLL = "camera_roll";
 constexpr double GRID_CELL = 0.004;   // [m]
 constexpr double GRID_MARGIN = 0.04;  // beyond the farthest correspondence of ICP's start [m]
 
@@ -21,20 +22,27 @@ std::vector<double> valuesOf(DescriptorOptions options) {
 ModelIndex::ModelIndex(std::vector<ObjectModel> models) : models_(std::move(models)) {
   if (!models_.empty()) options_ = models_.front().options;
   for (std::size_t m = 0; m < models_.size(); ++m) {
-    const ObjectModel& model = models_[m];
+    ObjectModel& model = models_[m];
     if (valuesOf(model.options) != valuesOf(options_))
       throw std::invalid_argument("objects '" + models_.front().name + "' and '" + model.name +
                                   "' were trained with different descriptor options; train one "
                                   "of them again");
     grids_.emplace_back(model.surface, GRID_CELL, GRID_MARGIN);
     sparse_.push_back(makeSparse(model));
-    for (std::size_t v = 0; v < model.views.size(); ++v)
-      for (const auto& descriptor : model.views[v].descriptors) {
+    rolls_.emplace_back(model.views.size());
+    for (std::size_t v = 0; v < model.views.size(); ++v) {
+      View& view = model.views[v];
+      const double extent = extentOf(view.surface.points);
+      for (const auto& descriptor : view.descriptors) {
         Table& table = vectors_[descriptor.kind];
+        if (descriptor.kind == CAMERA_ROLL) rolls_[m][v] = table.entries.size();
         table.dimension = static_cast<int>(descriptor.values.size());
         table.values.insert(table.values.end(), descriptor.values.begin(), descriptor.values.end());
-        table.entries.push_back({static_cast<int>(m), static_cast<int>(v), descriptor.centroid});
+        table.entries.push_back({static_cast<int>(m), static_cast<int>(v), descriptor.centroid,
+                                 extent, descriptor.axes});
       }
+      view = View{view.T_view_object, {}, {}};
+    }
   }
 }
 
@@ -42,6 +50,11 @@ const ModelIndex::Table& ModelIndex::vectors(const std::string& kind) const {
   static const Table none;
   const auto found = vectors_.find(kind);
   return found == vectors_.end() ? none : found->second;
+}
+
+const float* ModelIndex::cameraRoll(int model, int view) const {
+  const auto row = rolls_[model][view];
+  return row ? vectors(CAMERA_ROLL).values.data() + *row * ROLL_BINS : nullptr;
 }
 
 int ModelIndex::find(const std::string& name) const {

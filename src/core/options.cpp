@@ -39,6 +39,21 @@ void checkOption(const std::string& name, const std::string& value, const Choice
                                 value + "'");
 }
 
+std::vector<std::string> splitWords(const std::string& value) {
+  std::istringstream stream(value);
+  std::vector<std::string> words;
+  for (std::string word; stream >> word;) words.push_back(word);
+  return words;
+}
+
+void checkOption(const std::string& name, const std::string& value, const WordList& list) {
+  const auto words = splitWords(value);
+  const auto known = [&](const std::string& word) { return contains(list.words, word); };
+  if (words.empty() || !std::all_of(words.begin(), words.end(), known))
+    throw std::invalid_argument(name + " must be one or several of " + joined(list.words) +
+                                " with spaces between, got '" + value + "'");
+}
+
 std::string inOneLine(const YAML::Node& yaml) {
   std::string line = YAML::Dump(yaml);
   std::replace(line.begin(), line.end(), '\n', ' ');

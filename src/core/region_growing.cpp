@@ -50,6 +50,42 @@ class TreeNeighbors {
   std::vector<KdTree::Neighbor> within_;
 };
 
+/// The points around each point of a surface, looked up once for curvature and growth.
+std::vector<Indices> neighborsOf(const Surface& surface, double gap) {
+  const KdTree tree(surface.points);
+  std::vector<KdTree::Neighbor> within;
+  std::vector<Indices> neighbors(surface.size());
+  for (std::size_t i = 0; i < surface.size(); ++i) {
+    tree.within(surface.points[i], gap, within);
+    for (const auto& neighbor : within) neighbors[i].push_back(neighbor.index);
+  }
+  return neighbors;
+}
+
+class ListedNeighbors {
+ public:
+  explicit ListedNeighbors(const std::vector<Indices>& neighbors) : neighbors_(neighbors) {}
+
+  template <typename Visit>
+  void visit(int i, Visit visit) {
+    for (const int j : neighbors_[i]) visit(j);
+  }
+
+ private:
+  const std::vector<Indices>& neighbors_;
+};
+
+/// How much the normals around each point cancel out.
+std::vector<float> bendOf(const Surface& surface, const std::vector<Indices>& neighbors) {
+  std::vector<float> bend(surface.size());
+  for (std::size_t i = 0; i < surface.size(); ++i) {
+    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+    for (const int j : neighbors[i]) sum += surface.normals[j];
+    bend[i] = 1 - sum.norm() / static_cast<float>(neighbors[i].size());
+  }
+  return bend;
+}
+
 /// Points flat enough to grow from, flattest first.
 Indices seedsOf(const Cloud& cloud, const Normals& normals, double max_curvature) {
   Indices seeds;
@@ -103,6 +139,20 @@ std::vector<Indices> growRegions(const Cloud& cloud, const Normals& normals,
                                 std::to_string(cloud.size()) + " points");
   return cloud.organized() ? grow(cloud, normals, options, GridNeighbors(cloud, options.gap))
                            : grow(cloud, normals, options, TreeNeighbors(cloud, options.gap));
+}
+
+std::vector<Indices> growRegions(const Surface& surface, const RegionGrowingOptions& options) {
+  checkOptions("region_growing", options);
+  const auto neighbors = neighborsOf(surface, options.gap);
+  Cloud cloud(static_cast<int>(surface.size()), 1, false);
+  Normals normals{{}, {}, {}, bendOf(surface, neighbors)};
+  for (std::size_t i = 0; i < surface.size(); ++i) {
+    cloud.setPoint(i, surface.points[i]);
+    normals.x.push_back(surface.normals[i].x());
+    normals.y.push_back(surface.normals[i].y());
+    normals.z.push_back(surface.normals[i].z());
+  }
+  return grow(cloud, normals, options, ListedNeighbors(neighbors));
 }
 
 }  // namespace tabletop_perception

@@ -16,6 +16,7 @@
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/planes.h"
+#include "tabletop_perception/projection.h"
 
 namespace tabletop_perception {
 namespace {
@@ -126,10 +127,11 @@ class ColumnTest {
   ConvexRegion region_;
 };
 
-/// All points that lie in a column over a table: as ColumnTest says, heights first, many at once.
-Indices pointsOver(const Cloud& cloud, const Table& table, const Column& column) {
+/// All points that lie in a column over an outline on a table: heights first, many at once.
+Indices pointsOver(const Cloud& cloud, const Table& table,
+                   const std::vector<Eigen::Vector2d>& outline, const Column& column) {
   const Flattener flatten(table.T_camera_table);
-  const ConvexRegion region(table.hull, column.margin);
+  const ConvexRegion region(outline, column.margin);
   Indices over = pointsBetween(cloud, table.plane, column.low, column.high);
   std::size_t count = 0;
   for (const int i : over) {
@@ -437,8 +439,10 @@ Cloud pointsOnTables(const Cloud& cloud, const std::vector<Table>& tables,
 
 Indices indicesOnTables(const Cloud& cloud, const std::vector<Table>& tables,
                         const TableOptions& options) {
+  const auto projection = fitProjection(cloud);
   const auto standingOn = [&](const Table& table) {
-    return pointsOver(cloud, table, standingColumn(options));
+    const auto outline = projection ? hullBeyondView(table, *projection) : table.hull;
+    return pointsOver(cloud, table, outline, standingColumn(options));
   };
   if (tables.empty()) return {};
   if (tables.size() == 1) return standingOn(tables.front());
@@ -447,7 +451,8 @@ Indices indicesOnTables(const Cloud& cloud, const std::vector<Table>& tables,
   for (const auto& table : tables)
     for (const int i : standingOn(table)) stands[i] = true;
   for (const auto& table : tables)
-    for (const int i : pointsOver(cloud, table, {-BOARD_THICKNESS, options.min_height, EDGE_REACH}))
+    for (const int i :
+         pointsOver(cloud, table, table.hull, {-BOARD_THICKNESS, options.min_height, EDGE_REACH}))
       stands[i] = false;
   Indices standing;
   for (std::size_t i = 0; i < stands.size(); ++i)

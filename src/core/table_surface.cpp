@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <vector>
 
 #include <opencv2/imgproc.hpp>
@@ -18,6 +19,8 @@ constexpr double PATCH_CELL = 0.02;       // raster in which a patch of table is
 constexpr int PATCH_GAP = 2;              // cells without points that a patch may span
 constexpr double MIN_PATCH_SHARE = 0.05;  // of the largest patch: smaller ones are chance
 constexpr int MAX_CELLS = 2000;           // along one side of the raster
+constexpr double VIEW_EDGE = 0.03;        // strip along the edge of a picture, share of its width
+constexpr double BEYOND_VIEW = 0.1;       // that a table goes on where the picture cuts it off [m]
 constexpr double HULL_SLACK = 0.005;  // the hull's own corners lie on the table, noise or not [m]
 
 /// A frame on a plane: origin at the foot of the sensor's perpendicular, z along the plane's
@@ -87,6 +90,18 @@ Indices outlineOf(const Cloud& cloud, const PlaneRaster& raster,
   return outline;
 }
 
+/// Whether two pixels lie at the same edge of the picture.
+bool alongSameEdge(const Eigen::Vector2d& a, const Eigen::Vector2d& b,
+                   const Projection& projection) {
+  const double near = VIEW_EDGE * projection.width;
+  const auto both = [&](int axis, double from, double to) {
+    return std::min(a[axis], b[axis]) >= from && std::max(a[axis], b[axis]) <= to;
+  };
+  constexpr double FAR = std::numeric_limits<double>::infinity();
+  return both(0, -FAR, near) || both(0, projection.width - near, FAR) || both(1, -FAR, near) ||
+         both(1, projection.height - near, FAR);
+}
+
 }  // namespace
 
 Found<Table> tableOnPlane(const Cloud& cloud, const Cloud& sample, const Eigen::Vector4d& plane,
@@ -129,6 +144,21 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Cloud& sample, const Eigen::
   for (auto& corner : table.hull) corner -= center;
   table.T_camera_table.translate(Eigen::Vector3d(center.x(), center.y(), 0));
   return table;
+}
+
+std::vector<Eigen::Vector2d> hullBeyondView(const Table& table, const Projection& projection) {
+  std::vector<Eigen::Vector2d> pixels;
+  for (const auto& corner : hullInCamera(table)) pixels.push_back(projection.pixel(corner));
+  std::vector<Eigen::Vector2f> grown;
+  for (std::size_t i = 0; i < table.hull.size(); ++i) {
+    const std::size_t next = (i + 1) % table.hull.size();
+    const Eigen::Vector2d &a = table.hull[i], &b = table.hull[next];
+    grown.push_back(a.cast<float>());
+    if (!alongSameEdge(pixels[i], pixels[next], projection)) continue;
+    const Eigen::Vector2d outwards = Eigen::Vector2d(b.y() - a.y(), a.x() - b.x()).normalized();
+    for (const auto& end : {a, b}) grown.push_back((end + BEYOND_VIEW * outwards).cast<float>());
+  }
+  return convexHullOf(grown);
 }
 
 }  // namespace tabletop_perception

@@ -1,12 +1,14 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
 #include "tabletop_perception/cloud.h"
 #include "tabletop_perception/found.h"
+#include "tabletop_perception/projection.h"
 #include "tabletop_perception/table.h"
 
 namespace tabletop_perception {
@@ -31,5 +33,9 @@ class Flattener {
 Found<Table> tableOnPlane(const Cloud& cloud, const Cloud& sample, const Eigen::Vector4d& plane,
                           double reach, const Eigen::Vector3d& forward,
                           const std::optional<Eigen::Vector3d>& up, const TableOptions& options);
+
+/// A table's hull, grown by a decimetre where the edge of the picture cuts the table off: what
+/// stands there may hide all of the table below it. Counter-clockwise, in the table's frame [m].
+std::vector<Eigen::Vector2d> hullBeyondView(const Table& table, const Projection& projection);
 
 }  // namespace tabletop_perception

@@ -365,7 +365,7 @@ TEST_F(Database, RefusesAnotherSchemaVersion) {
   ObjectDatabase(file_, Mode::WRITE).store(randomModel("milk", 1));
   sql("PRAGMA user_version = 7");
   const std::string refusal =
-      "has schema version 7, this program reads 1: train its objects anew, or use the program that "
+      "has schema version 7, this program reads 2: train its objects anew, or use the program that "
       "wrote it";
   EXPECT_EQ(refusalOf(Mode::READ), refusal);
   EXPECT_EQ(refusalOf(Mode::WRITE), refusal);

@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numeric>
 #include <random>
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <pcl/features/vfh.h>
+#include <pcl/search/kdtree.h>
 
 #include "clouds.h"
 #include "views.h"
@@ -40,9 +43,17 @@ std::vector<std::pair<int, float>> filled(const Descriptor& descriptor, int firs
 
 using Bins = std::vector<std::pair<int, float>>;
 
+std::vector<Descriptor> cvfhOf(const Surface& surface, const DescriptorOptions& options = {}) {
+  return computeCvfh(surface, smoothRegions(surface, options), SENSOR);
+}
+
+std::vector<Descriptor> ourCvfhOf(const Surface& surface) {
+  return computeOurCvfh(surface, smoothRegions(surface, {}), SENSOR);
+}
+
 double l1(const Descriptor& a, const Descriptor& b) {
   double sum = 0;
-  for (int i = 0; i < VFH_SIZE; ++i) sum += std::abs(a.values[i] - b.values[i]);
+  for (std::size_t i = 0; i < a.values.size(); ++i) sum += std::abs(a.values[i] - b.values[i]);
   return sum;
 }
 
@@ -56,6 +67,26 @@ Surface randomSurface(int count, unsigned seed) {
     surface.normals.push_back(Eigen::Vector3f(g(random), g(random), g(random)).normalized());
   }
   return surface;
+}
+
+std::vector<float> pclVfhOf(const Surface& surface) {
+  const auto points = std::make_shared<pcl::PointCloud<pcl::PointXYZ>>();
+  const auto normals = std::make_shared<pcl::PointCloud<pcl::Normal>>();
+  for (std::size_t i = 0; i < surface.size(); ++i) {
+    const auto &p = surface.points[i], &n = surface.normals[i];
+    points->emplace_back(p.x(), p.y(), p.z());
+    normals->emplace_back(n.x(), n.y(), n.z());
+  }
+  pcl::VFHEstimation<pcl::PointXYZ, pcl::Normal, pcl::VFHSignature308> estimation;
+  estimation.setInputCloud(points);
+  estimation.setInputNormals(normals);
+  estimation.setSearchMethod(std::make_shared<pcl::search::KdTree<pcl::PointXYZ>>());
+  estimation.setNormalizeDistance(true);
+  estimation.setFillSizeComponent(true);
+  estimation.setViewPoint(SENSOR.x(), SENSOR.y(), SENSOR.z());
+  pcl::PointCloud<pcl::VFHSignature308> signature;
+  estimation.compute(signature);
+  return {std::begin(signature[0].histogram), std::end(signature[0].histogram)};
 }
 
 /// A box seen so that one, two or three of its faces show.
@@ -168,9 +199,9 @@ TEST(Vfh, NothingCannotBeDescribed) {
 
 TEST(Cvfh, HasOneVectorForEachVisibleFaceOfABox) {
   const DescriptorOptions options;
-  EXPECT_EQ(computeCvfh(boxSeenFrom({0, 0, 1}), SENSOR, options).size(), 1u);
-  EXPECT_EQ(computeCvfh(boxSeenFrom({1, 1, 0}), SENSOR, options).size(), 2u);
-  EXPECT_EQ(computeCvfh(boxSeenFrom({1, 1.2, 1}), SENSOR, options).size(), 3u);
+  EXPECT_EQ(cvfhOf(boxSeenFrom({0, 0, 1}), options).size(), 1u);
+  EXPECT_EQ(cvfhOf(boxSeenFrom({1, 1, 0}), options).size(), 2u);
+  EXPECT_EQ(cvfhOf(boxSeenFrom({1, 1.2, 1}), options).size(), 3u);
 }
 
 TEST(Cvfh, NoiseDoesNotTearFacesApart) {
@@ -178,19 +209,19 @@ TEST(Cvfh, NoiseDoesNotTearFacesApart) {
   for (const unsigned seed : {1, 2, 3}) {
     Cloud image = views::imageOf(mesh, views::lookAt(mesh, {1, 1.2, 1}, 0.8));
     scene::addAxialNoise(image, 0.002, seed);
-    EXPECT_EQ(computeCvfh(views::sampled(image), SENSOR, {}).size(), 3u) << "seed " << seed;
+    EXPECT_EQ(cvfhOf(views::sampled(image)).size(), 3u) << "seed " << seed;
   }
 }
 
 TEST(Cvfh, ARoundSideIsOneRegion) {
   const Mesh can = scene::cylinder(0.04, 0.12);
-  const auto cvfh = computeCvfh(views::seen(can, views::lookAt(can, {1, 0, 0}, 0.8)), SENSOR, {});
+  const auto cvfh = cvfhOf(views::seen(can, views::lookAt(can, {1, 0, 0}, 0.8)));
   EXPECT_EQ(cvfh.size(), 1u);
 }
 
 TEST(Cvfh, EachVectorIsWholeAndCarriesTheCentroidOfEverything) {
   const Surface surface = boxSeenFrom({1, 1.2, 1});
-  for (const auto& cvfh : computeCvfh(surface, SENSOR, {})) {
+  for (const auto& cvfh : cvfhOf(surface)) {
     EXPECT_EQ(cvfh.kind, "cvfh");
     expectWhole(cvfh);
     EXPECT_TRUE(cvfh.centroid.isApprox(centroidOf(surface.points), 1e-6f));
@@ -200,8 +231,7 @@ TEST(Cvfh, EachVectorIsWholeAndCarriesTheCentroidOfEverything) {
 TEST(Cvfh, DistancesAreMetresSoThatSizesTellApart) {
   const auto meanDistance = [](double side) {
     const Mesh mesh = scene::box(side, side, 0.05);
-    const auto cvfh =
-        computeCvfh(views::seen(mesh, views::lookAt(mesh, {0, 0, 1}, 0.8)), SENSOR, {});
+    const auto cvfh = cvfhOf(views::seen(mesh, views::lookAt(mesh, {0, 0, 1}, 0.8)));
     EXPECT_EQ(cvfh.size(), 1u);
     double mean = 0;
     for (int i = 0; i < SHAPE; ++i) mean += (i + 0.5) * 0.01 * cvfh.at(0).values[135 + i] / 100;
@@ -213,15 +243,121 @@ TEST(Cvfh, DistancesAreMetresSoThatSizesTellApart) {
 }
 
 TEST(Cvfh, ASurfaceWithoutASmoothRegionHasNone) {
-  EXPECT_TRUE(computeCvfh(randomSurface(500, 2), SENSOR, {}).empty());
-  EXPECT_TRUE(computeCvfh({}, SENSOR, {}).empty());
+  EXPECT_TRUE(cvfhOf(randomSurface(500, 2)).empty());
+  EXPECT_TRUE(cvfhOf({}).empty());
 }
 
-TEST(Descriptor, VfhComesFirstThenEveryCvfh) {
-  const auto all = describeSurface(boxSeenFrom({1, 1.2, 1}), SENSOR, {});
-  ASSERT_EQ(all.size(), 4u);
-  EXPECT_EQ(all[0].kind, "vfh");
-  for (std::size_t i = 1; i < all.size(); ++i) EXPECT_EQ(all[i].kind, "cvfh");
+TEST(Vfh, AsPclItHasTheBinsOfPcl) {
+  const Surface surfaces[] = {
+      boxSeenFrom({1, 1.2, 1}), randomSurface(2000, 5),
+      views::seen(scene::house(), views::lookAt(scene::house(), {1, 0.7, 0.8}, 0.8))};
+  for (const Surface& surface : surfaces) {
+    const auto expected = pclVfhOf(surface);
+    const auto values = computeVfhAsPcl(surface, SENSOR);
+    ASSERT_EQ(values.size(), static_cast<std::size_t>(VFH_SIZE));
+    for (const auto& [first, count] : BLOCKS) {
+      double difference = 0;
+      for (int i = first; i < first + count; ++i) difference += std::abs(values[i] - expected[i]);
+      EXPECT_LT(difference, 0.5) << "block at " << first;
+    }
+  }
+}
+
+TEST(OurCvfh, EachBlockIsWhole) {
+  const auto all = ourCvfhOf(boxSeenFrom({1, 1.2, 1}));
+  ASSERT_GE(all.size(), 3u);  // a frame at least for each face
+  constexpr int OUR_BLOCKS[][2] = {{0, 45}, {45, 45}, {90, 45}, {135, 104}, {239, 64}};
+  for (const auto& descriptor : all) {
+    EXPECT_EQ(descriptor.kind, "our_cvfh");
+    ASSERT_EQ(descriptor.values.size(), static_cast<std::size_t>(OUR_CVFH_SIZE));
+    for (const auto& [first, count] : OUR_BLOCKS)
+      EXPECT_NEAR(sumOf(descriptor.values, first, count), 100, 0.01);
+    ASSERT_TRUE(descriptor.axes);
+    EXPECT_TRUE(descriptor.axes->isUnitary(1e-4f));
+    EXPECT_GT(descriptor.axes->determinant(), 0);
+  }
+}
+
+TEST(OurCvfh, FramesTurnWithTheObjectWhateverTheCallBefore) {
+  const Surface surface =
+      views::seen(scene::house(), views::lookAt(scene::house(), {1, 0.7, 0.8}, 0.8));
+  const auto before = ourCvfhOf(surface);
+  const Eigen::Vector3d gaze = centroidOf(surface.points).cast<double>().normalized();
+  const Eigen::Isometry3d roll(Eigen::AngleAxisd(1.1, gaze));
+  const auto after = ourCvfhOf(transformed(surface, roll));
+  ASSERT_EQ(before.size(), after.size());
+  ASSERT_FALSE(before.empty());
+  for (const auto& a : before) {
+    const Eigen::Matrix3f turned = roll.linear().cast<float>() * *a.axes;
+    const bool found = std::any_of(after.begin(), after.end(), [&](const Descriptor& b) {
+      return (turned - *b.axes).norm() < 0.02f && l1(a, b) < 15;
+    });
+    EXPECT_TRUE(found);
+  }
+}
+
+TEST(OurCvfh, ASquareFaceHasAFrameForEachOfItsTurns) {
+  const Mesh mesh = scene::box(0.1, 0.1, 0.05);
+  const auto all = ourCvfhOf(views::seen(mesh, views::lookAt(mesh, {0, 0, 1}, 0.8)));
+  EXPECT_EQ(all.size(), 4u);
+}
+
+TEST(Esf, GroupsAreWholeAndTheSamePointsGiveTheSameVector) {
+  const Surface surface = boxSeenFrom({1, 1.2, 1});
+  const Descriptor esf = computeEsf(surface, 0.005);
+  ASSERT_EQ(esf.values.size(), static_cast<std::size_t>(ESF_SIZE));
+  for (const int group : {0, 192, 384}) EXPECT_NEAR(sumOf(esf.values, group, 192), 100, 0.01);
+  EXPECT_NEAR(sumOf(esf.values, 576, 64), 100, 0.01);
+  EXPECT_EQ(computeEsf(surface, 0.005).values, esf.values);
+}
+
+TEST(Esf, LinesOfAFlatFaceRunOnTheSurfaceAndTheSizeDoesNotCount) {
+  const auto faceOf = [](double side) {
+    const Mesh mesh = scene::box(side, side, 0.05);
+    return computeEsf(views::seen(mesh, views::lookAt(mesh, {0, 0, 1}, 0.8)), 0.005);
+  };
+  const Descriptor small = faceOf(0.1), large = faceOf(0.2);
+  EXPECT_GT(sumOf(small.values, 384, 64), 95);
+  EXPECT_LT(l1(small, large), 60);  // of 400
+  EXPECT_GT(l1(small, computeEsf(boxSeenFrom({1, 1.2, 1}), 0.005)), 120);
+}
+
+TEST(Esf, UnderThreePointsAreRefused) {
+  EXPECT_EQ(clouds::refusalOf([] { computeEsf({}, 0.005); }),
+            "esf: the surface has under three points");
+}
+
+TEST(CameraRoll, TurnsOfTheCameraShiftTheBins) {
+  const Surface surface = boxSeenFrom({1, 2, 1.5});
+  const Descriptor roll = computeCameraRoll(surface, SENSOR);
+  ASSERT_EQ(roll.values.size(), static_cast<std::size_t>(ROLL_BINS));
+  const Eigen::Vector3d gaze = roll.centroid.cast<double>().normalized();
+  const int bins = 7;
+  const Eigen::Isometry3d turn(Eigen::AngleAxisd(bins * 2 * M_PI / ROLL_BINS, gaze));
+  const Descriptor turned = computeCameraRoll(transformed(surface, turn), SENSOR);
+  for (int i = 0; i < ROLL_BINS; ++i)
+    EXPECT_NEAR(turned.values[(i + bins) % ROLL_BINS], roll.values[i], 0.1);
+}
+
+TEST(CameraRoll, AFaceAcrossTheViewSaysNothing) {
+  const Mesh mesh = scene::box(0.1, 0.1, 0.05);
+  const auto roll =
+      computeCameraRoll(views::seen(mesh, views::lookAt(mesh, {0, 0, 1}, 0.8)), SENSOR);
+  EXPECT_LT(sumOf(roll.values, 0, ROLL_BINS), 10);
+}
+
+TEST(Descriptor, WantedKindsComeInOrderAndTheCameraRollLast) {
+  const Surface surface = boxSeenFrom({1, 1.2, 1});
+  const auto kindsOf = [](const std::vector<Descriptor>& all) {
+    std::vector<std::string> kinds;
+    for (const auto& descriptor : all)
+      if (kinds.empty() || kinds.back() != descriptor.kind) kinds.push_back(descriptor.kind);
+    return kinds;
+  };
+  EXPECT_EQ(kindsOf(describeSurface(surface, SENSOR, {})),
+            (std::vector<std::string>{"vfh", "cvfh", "our_cvfh", "esf", "camera_roll"}));
+  EXPECT_EQ(kindsOf(describeSurface(surface, SENSOR, {}, {"cvfh"})),
+            (std::vector<std::string>{"cvfh", "camera_roll"}));
 }
 
 TEST(Descriptor, TinySurfacesAreNotDescribed) {

@@ -17,6 +17,7 @@ using namespace tabletop_perception;
 namespace {
 
 constexpr double DEG = M_PI / 180;
+constexpr double EXTENT = 0.1;  // about that of the views [m]
 
 std::vector<float> randomHistogram(std::mt19937& random) {
   std::uniform_real_distribution<float> value(0, 1);
@@ -37,7 +38,7 @@ std::vector<ObjectModel> randomModels() {
       view.descriptors.clear();
       for (const std::string kind : {"vfh", "cvfh"})
         view.descriptors.push_back(
-            {kind, randomHistogram(random), Eigen::Vector3f(0, 0.1f, random() % 10 + 1.0f)});
+            {kind, randomHistogram(random), Eigen::Vector3f(0, 0.1f, random() % 10 + 1.0f), {}});
     }
     models.push_back(std::move(model));
   }
@@ -83,7 +84,7 @@ std::string reasonOf(const Found<std::vector<Candidate>>& found) {
 TEST(Match, DistancesByHand) {
   const float a[] = {1, 0, 4, 0}, b[] = {3, 0, 1, 2};
   EXPECT_DOUBLE_EQ(histogramDistance(a, b, 4, "l1"), 2 + 0 + 3 + 2);
-  EXPECT_DOUBLE_EQ(histogramDistance(a, b, 4, "l2"), std::sqrt(4.0 + 9 + 4));
+  EXPECT_NEAR(histogramDistance(a, b, 4, "l2"), std::sqrt(4.0 + 9 + 4), 1e-6);
   EXPECT_NEAR(histogramDistance(a, b, 4, "chi_square"), 4 / 4.0 + 9 / 5.0 + 4 / 2.0, 1e-6);
   for (const std::string metric : {"l1", "l2", "chi_square"}) {
     EXPECT_EQ(histogramDistance(a, a, 4, metric), 0);
@@ -99,7 +100,7 @@ TEST(Match, NearestViewsAreThoseOfTheBruteForceVersion) {
   std::mt19937 random(2);
   for (const std::string metric : {"l1", "l2", "chi_square"})
     for (const std::string kind : {"vfh", "cvfh"}) {
-      const Descriptor query{kind, randomHistogram(random), {0.1f, 0.2f, 0.9f}};
+      const Descriptor query{kind, randomHistogram(random), {0.1f, 0.2f, 0.9f}, {}};
       MatchOptions options;
       options.metric = metric;
       options.neighbors = 7;
@@ -114,7 +115,7 @@ TEST(Match, NearestViewsAreThoseOfTheBruteForceVersion) {
             if (descriptor.kind == kind) truth.push_back(distanceTo(descriptor));
       std::sort(truth.begin(), truth.end());
 
-      const auto neighbors = nearestViews(query, index, options);
+      const auto neighbors = nearestViews(query, EXTENT, index, options);
       ASSERT_EQ(neighbors.size(), 7u);
       for (std::size_t i = 0; i < neighbors.size(); ++i) {
         EXPECT_NEAR(neighbors[i].distance, truth[i], 1e-4);
@@ -126,34 +127,34 @@ TEST(Match, NearestViewsAreThoseOfTheBruteForceVersion) {
       }
 
       options.max_distance = (truth[2] + truth[3]) / 2;
-      EXPECT_EQ(nearestViews(query, index, options).size(), 3u);
+      EXPECT_EQ(nearestViews(query, EXTENT, index, options).size(), 3u);
       options.max_distance = 0;
-      EXPECT_TRUE(nearestViews(query, index, options).empty());
+      EXPECT_TRUE(nearestViews(query, EXTENT, index, options).empty());
     }
 }
 
 TEST(Match, OnlyEqualKindsAndLengthsAreCompared) {
   const ModelIndex index(randomModels());
   std::mt19937 random(2);
-  Descriptor query{"esf", randomHistogram(random), {0, 0, 1}};
-  EXPECT_TRUE(nearestViews(query, index, MatchOptions()).empty());
+  Descriptor query{"esf", randomHistogram(random), {0, 0, 1}, {}};
+  EXPECT_TRUE(nearestViews(query, EXTENT, index, MatchOptions()).empty());
   query.kind = "vfh";
   query.values.pop_back();
-  EXPECT_TRUE(nearestViews(query, index, MatchOptions()).empty());
+  EXPECT_TRUE(nearestViews(query, EXTENT, index, MatchOptions()).empty());
 }
 
 TEST(Match, AClusterThatIsTheViewHasTheViewsPose) {
   View view;
   view.T_view_object = clouds::motion(40, {1, 2, 3}, {0.1, 0.2, 0.8});
   const Eigen::Vector3f centroid(0.12f, 0.18f, 0.85f);
-  const Neighbor same{0, 0, centroid, centroid, 0};
+  const Neighbor same{0, 0, centroid, centroid, 0, {}};
   EXPECT_TRUE(poseFromView(same, view, 0).isApprox(view.T_view_object, 1e-6));
 }
 
 TEST(Match, PosesBringTheCentroidsTogetherAndTurnAboutTheViewingAxis) {
   View view;
   view.T_view_object = clouds::motion(40, {1, 2, 3}, {0.1, 0.2, 0.8});
-  const Neighbor neighbor{0, 0, {0.12f, 0.18f, 0.85f}, {-0.2f, 0.1f, 1.1f}, 0};
+  const Neighbor neighbor{0, 0, {0.12f, 0.18f, 0.85f}, {-0.2f, 0.1f, 1.1f}, 0, {}};
   const Eigen::Vector3d seen = neighbor.cluster_centroid.cast<double>();
   const Eigen::Vector3d trained = neighbor.view_centroid.cast<double>();
   for (const double roll : {0.0, 0.5, 3.0, -2.0}) {
@@ -232,10 +233,71 @@ TEST(Match, NoCandidateHasItsReason) {
   EXPECT_NE(large.find("m across, more than 0.5 times any object"), std::string::npos) << large;
 }
 
+TEST(Match, ViewsOfAnotherSizeAreNotCompared) {
+  const ModelIndex index(randomModels());
+  std::mt19937 random(3);
+  const Descriptor query{"vfh", randomHistogram(random), {0, 0, 1}, {}};
+  MatchOptions options;
+  EXPECT_EQ(nearestViews(query, EXTENT, index, options).size(), 10u);
+  EXPECT_TRUE(nearestViews(query, 2 * EXTENT, index, options).empty());
+  EXPECT_TRUE(nearestViews(query, 0.2 * EXTENT, index, options).empty());
+  options.min_size_ratio = 0.1;
+  EXPECT_EQ(nearestViews(query, 0.2 * EXTENT, index, options).size(), 10u);
+}
+
+TEST(Match, AxesOfDescriptorsGiveTheWholePose) {
+  View view;
+  view.T_view_object = clouds::motion(40, {1, 2, 3}, {0.1, 0.2, 0.8});
+  const Eigen::Isometry3d T_camera_view = clouds::motion(70, {3, -1, 2}, {0.1, -0.1, 0.2});
+  const Eigen::Vector3f trained(0.12f, 0.18f, 0.85f);
+  const Eigen::Vector3f seen = T_camera_view.cast<float>() * trained;
+  const Neighbor neighbor{0, 0, trained, seen, 0, T_camera_view.linear().cast<float>()};
+  EXPECT_TRUE(poseFromView(neighbor, view, 0).isApprox(T_camera_view * view.T_view_object, 1e-5));
+}
+
+TEST(Match, TheCameraRollIsFoundFromHistograms) {
+  const Mesh mesh = scene::house();
+  const Surface trained = views::seen(mesh, views::lookAt(mesh, {1, 0.7, 0.8}, 0.8));
+  const auto of_view = computeCameraRoll(trained, Eigen::Vector3f::Zero());
+  View view;
+  view.T_view_object = views::lookAt(mesh, {1, 0.7, 0.8}, 0.8);
+  for (const double roll : {0.0, 0.6, 2.5, -1.4}) {
+    const Eigen::Isometry3d truth = Eigen::Translation3d(0.15, -0.1, 0) *
+                                    Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()) *
+                                    view.T_view_object;
+    const auto of_cluster = computeCameraRoll(views::seen(mesh, truth), Eigen::Vector3f::Zero());
+    const Neighbor neighbor{0, 0, of_view.centroid, of_cluster.centroid, 0, {}};
+    const auto rolls =
+        rollsFromHistograms(of_cluster.values.data(), of_view.values.data(), neighbor);
+    ASSERT_FALSE(rolls.empty());
+    EXPECT_LE(rolls.size(), 6u);
+    const bool found = std::any_of(rolls.begin(), rolls.end(), [&](double turn) {
+      const auto pose = poseFromView(neighbor, view, turn);
+      return angleOf(truth.linear().transpose() * pose.linear()) < 15 * DEG;
+    });
+    EXPECT_TRUE(found) << roll;
+  }
+}
+
+TEST(Match, EveryKindFindsARenderedView) {
+  const Mesh mesh = scene::house();
+  const Eigen::Isometry3d truth = views::lookAt(mesh, {1, 0.7, 0.8}, 0.9);
+  const Cloud picture = views::imageOf(mesh, truth);
+  for (const char* kinds : {"vfh", "cvfh", "our_cvfh", "esf", "esf our_cvfh"})
+    for (const char* roll : {"steps", "histogram"}) {
+      MatchOptions options;
+      options.kinds = kinds;
+      options.roll = roll;
+      const auto candidates = matchCluster(views::sampled(picture), observe(picture, std::nullopt),
+                                           trainedIndex(), options);
+      ASSERT_TRUE(candidates) << candidates.reason;
+      EXPECT_EQ(candidates->front().name, "house") << kinds << ", " << roll;
+    }
+}
+
 TEST(Match, OnlyTheWantedKindsAreCompared) {
-  auto models = trainedIndex().models();
-  for (auto& model : models)
-    for (auto& view : model.views) view.descriptors.resize(1);  // VFH alone
+  std::vector<ObjectModel> models{views::modelOf("house", scene::house(), icosphereDirections())};
+  for (auto& view : models[0].views) view.descriptors.resize(1);  // VFH alone
   const ModelIndex index(models);
   MatchOptions options;
   options.kinds = "vfh";
@@ -246,7 +308,9 @@ TEST(Match, OnlyTheWantedKindsAreCompared) {
 
 TEST(Match, OptionsOutOfRangeAreRefused) {
   MatchOptions options;
-  options.kinds = "esf";
-  EXPECT_EQ(clouds::refusalOf([&] { matched({}, ModelIndex(), options); }),
-            "match.kinds must be one of vfh, cvfh, both, got 'esf'");
+  options.kinds = "vfh both";
+  EXPECT_EQ(
+      clouds::refusalOf([&] { matched({}, ModelIndex(), options); }),
+      "match.kinds must be one or several of vfh, cvfh, our_cvfh, esf with spaces between, got "
+      "'vfh both'");
 }

@@ -40,7 +40,7 @@ TEST(ModelIndex, HoldsEveryVectorOfEveryViewWithItsOrigin) {
     EXPECT_EQ(row, table.entries.size());
     EXPECT_GE(row, 8u);
   }
-  EXPECT_TRUE(index.vectors("esf").entries.empty());
+  EXPECT_TRUE(index.vectors("shot").entries.empty());
 }
 
 TEST(ModelIndex, FindsModelsByName) {

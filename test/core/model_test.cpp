@@ -18,7 +18,7 @@ ObjectModel wholeModel() {
   model.diameter = 0.1;
   model.views.resize(1);
   model.views[0].surface = model.surface;
-  model.views[0].descriptors = {{"vfh", {1, 2, 3}, Eigen::Vector3f::Zero()}};
+  model.views[0].descriptors = {{"vfh", {1, 2, 3}, Eigen::Vector3f::Zero(), {}}};
   return model;
 }
 

@@ -539,6 +539,39 @@ TEST(Table, WhatStandsOnItLiesInTheHeightBandAboveTheHull) {
   }
 }
 
+TEST(Table, ThingsAtTheEdgeOfThePictureStandOnItWhole) {
+  // A box so near that its foot is below the picture: no table is seen in front of it.
+  const auto scene =
+      scene::render({{"box", scene::box(0.1, 0.2, 0.2), scene::standing(-0.31, 0, 0)}});
+  const auto table = findTable(scene.cloud, scene.up, {});
+  ASSERT_TRUE(table) << table.reason;
+  const Cloud standing = pointsOnTables(scene.cloud, {*table}, {});
+  int above = 0, lost = 0;
+  for (std::size_t i = 0; i < scene.cloud.size(); ++i) {
+    if (scene.truth[i] != 2 || heightAbove(*table, scene.cloud.point(i)) < 0.01f) continue;
+    ++above;
+    lost += !standing.valid(i);
+  }
+  EXPECT_GT(above, 10000);
+  EXPECT_EQ(lost, 0);
+}
+
+TEST(Table, NothingStandsBeyondAnEdgeThatIsInThePicture) {
+  // A crate that stands on the floor behind the table and is higher than it.
+  const auto scene = tableAmid(
+      {{"crate", scene::box(0.2, 0.2, 1), Eigen::Isometry3d(Eigen::Translation3d(0.46, 0, -0.7))}});
+  const auto table = findTable(scene.cloud, scene.up, {});
+  ASSERT_TRUE(table) << table.reason;
+  const Cloud standing = pointsOnTables(scene.cloud, {*table}, {});
+  int of_box = 0, of_crate = 0;
+  for (const int i : validIndices(standing)) {
+    of_box += scene.truth[i] == 2;
+    of_crate += scene.truth[i] == 3;
+  }
+  EXPECT_GT(of_box, 1000);
+  EXPECT_EQ(of_crate, 0);
+}
+
 TEST(Table, AMarginCountsFromTheEdges) {
   const Table table = turnedTable();
   TableOptions options;

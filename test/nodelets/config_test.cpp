@@ -51,6 +51,7 @@ std::string limitsText(const Choices& choices) {
   for (const auto& word : choices.words) words += word + " ";
   return words;
 }
+std::string limitsText(const WordList&) { return ""; }  // dynamic_reconfigure knows no such limit
 
 template <typename Options>
 Fields fieldsOf(Options options) {
