@@ -23,12 +23,12 @@ struct SceneObject {
   std::string name = "unknown";       ///< of the object in the database
   double score = 0;                   ///< probability of being right, 0 to 1
   Eigen::Isometry3d T_camera_object = Eigen::Isometry3d::Identity();  ///< unknown: its box's pose
-  double fitness = 0;    ///< RMS distance of the explained points [m]
-  double visible = 0;    ///< share of the model's surface that was seen, 0 to 1
-  int points = 0;        ///< of the cloud
-  double explained = 0;  ///< share of them that the model explains, 0 to 1
-  Box box;               ///< about its points
-  std::string reason;    ///< why it is unknown
+  double fitness = 0;  ///< RMS distance of the explained points [m]
+  double visible = 0;  ///< share of the model's surface that was seen, 0 to 1
+  int points = 0;      ///< of the cloud
+  Evidence evidence;   ///< that its score follows from; of a known object
+  Box box;             ///< about its points
+  std::string reason;  ///< why it is unknown
 };
 
 /// Some clusters of a scene that may be one thing, and what it may be.

@@ -55,9 +55,10 @@ struct PoseOutcome {
   std::string name;
   double diameter = 0;             ///< of its model [m]
   std::optional<PoseError> error;  ///< of the result it was given; without one it was not named
+  bool by_add_s = false;           ///< the camera cannot tell its pose: ADD-S decides
 
-  bool right() const { return error && error->mssd < 0.1 * diameter; }
   bool close() const { return error && error->add_s < 0.1 * diameter; }
+  bool right() const { return by_add_s ? close() : error && error->mssd < 0.1 * diameter; }
 };
 
 /// How a scene came out.

@@ -48,9 +48,22 @@ Verification verifyPose(const ModelIndex& index, int model,
                         const Eigen::Isometry3d& T_camera_object, const std::vector<Surface>& parts,
                         const Observation& observation, const VerifyOptions& options);
 
-/// Estimate of the probability that an object is what a verified pose says it is. `rms`: distance
-/// of the points about it from the model's tangent planes [m]. A logistic regression over some
-/// thousand poses in simulated scenes, with every object known and with a third of them not taught.
-double probabilityOf(const Agreement& agreement, double rms);
+/// What speaks for and against an object of a scene.
+struct Evidence {
+  Agreement agreement;  ///< of its pose
+  double rms = 0;       ///< distance of all points about it from the model's tangent planes [m]
+  double area = 0;      ///< of the surface that it explains [m^2]
+  double margin = 1;    ///< lead of its agreement over that of the best other object there
+  double lift = 0;      ///< of its lowest point above the table; 0 without a table and where
+                        ///< something else carries it [m]
+};
+
+/// The terms of the log odds that an object is what it is taken for, and their names: the evidence
+/// as a logistic regression weighs it.
+Eigen::VectorXd scoreTerms(const Evidence& evidence);
+std::vector<std::string> scoreTermNames();
+
+/// Estimate of the probability that an object has the name and the pose it is given.
+double probabilityOf(const Evidence& evidence);
 
 }  // namespace tabletop_perception

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "settle_turn.h"
 #include "tabletop_perception/normals.h"
@@ -16,7 +17,10 @@ constexpr double MIN_PROMISE_RATIO = 0.6;  // of a candidate to the best one of 
 constexpr double MIN_OWN_SHARE = 0.7;      // of an object's points that no other object explains
 constexpr double RIVAL_OVERLAP = 0.5;  // share of an object's points that a rival explains as well
 constexpr double MIN_SHARE_OF_CLUSTER = 0.3;  // that an object explains if the cluster shows it
-constexpr double TAKEN_SHARE = 0.5;  // of a cluster that objects explain: it is no unknown thing
+constexpr double TAKEN_SHARE = 0.5;    // of a cluster that objects explain: it is no unknown thing
+constexpr double UNDERSIDE = 0.03;     // of a thing, about its lowest point [m]
+constexpr double CARRIER_NEAR = 0.01;  // what carries a thing lies no farther beside it [m]
+constexpr int MIN_CARRIER_POINTS = 10;
 constexpr double MIN_LEFT_SHARE = 0.15;  // of a cluster that is worth another look
 
 /// The sampled points of all clusters.
@@ -126,7 +130,7 @@ class Decision {
       if (shared > (1 - MIN_OWN_SHARE) * hypothesis.points) continue;
       Hypothesis settled = hypothesis;
       settle(settled);
-      const double score = probabilityOf(settled.verification.agreement, settled.rms);
+      const double score = probabilityOf(evidenceOf(settled));
       if (score < verify_.min_score) {
         noteRefusal(hypothesis, scoreRefusal(settled, score));
         continue;
@@ -141,6 +145,12 @@ class Decision {
       noteRefusal(hypothesis, refusal);
     }
     hypotheses_.clear();
+  }
+
+  Evidence evidenceOf(const Hypothesis& hypothesis) const {
+    const double leaf = index_.descriptorOptions().leaf;
+    return {hypothesis.verification.agreement, hypothesis.rms, hypothesis.points * leaf * leaf,
+            rivalOf(hypothesis).margin, liftOf(hypothesis)};
   }
 
   /// Turns a nearly symmetric object the way that fits best.
@@ -271,21 +281,68 @@ class Decision {
       if (shareOfCluster(hypothesis.explained, k) >= MIN_SHARE_OF_CLUSTER) reasons_[k] = refusal;
   }
 
-  std::string marginRefusal(const Hypothesis& best) const {
+  /// The other object that agrees best with what a hypothesis explains.
+  struct Rival {
+    const Hypothesis* hypothesis = nullptr;  ///< none: no other object stands there
+    double margin = 1;                       ///< by which it agrees less
+  };
+
+  Rival rivalOf(const Hypothesis& best) const {
+    Rival rival;
     for (const auto& other : hypotheses_) {
       if (other.model == best.model || !other.stands()) continue;
       if (commonOf(other.explained, best.explained) < RIVAL_OVERLAP * best.points) continue;
-      const double rival_score =
+      const double score =
           other.verification.score * std::min(1.0, static_cast<double>(other.points) / best.points);
-      const double margin = best.verification.score - rival_score;
-      if (margin >= verify_.min_margin) continue;
-      char text[200];
-      std::snprintf(text, sizeof text, "%s: margin %.2f over %s, limit %.2f",
-                    index_.models()[best.model].name.c_str(), margin,
-                    index_.models()[other.model].name.c_str(), verify_.min_margin);
-      return text;
+      const double margin = best.verification.score - score;
+      if (margin < rival.margin) rival = {&other, margin};
     }
-    return "";
+    return rival;
+  }
+
+  /// Height of a thing's lowest point above the table, 0 where something else carries it [m].
+  double liftOf(const Hypothesis& hypothesis) const {
+    if (tables_.empty()) return 0;
+    const Eigen::Isometry3f T = hypothesis.T_camera_object.cast<float>();
+    std::vector<Eigen::Vector3f> surface;
+    for (const auto& p : index_.sparse(hypothesis.model).surface.points) surface.push_back(T * p);
+    const Table& table = tables_[tableUnder(tables_, centroidOf(surface))];
+    double lowest = std::numeric_limits<double>::infinity();
+    for (const auto& p : index_.models()[hypothesis.model].surface.points)
+      lowest = std::min(lowest, heightAbove(table, T * p));
+    return isCarried(hypothesis, surface, table, lowest) ? 0 : lowest;
+  }
+
+  /// Whether points that a thing does not explain lie right under it.
+  bool isCarried(const Hypothesis& hypothesis, const std::vector<Eigen::Vector3f>& surface,
+                 const Table& table, double lowest) const {
+    if (lowest < UNDERSIDE) return false;
+    const Eigen::Vector3f up = table.plane.head<3>().cast<float>();
+    std::vector<Eigen::Vector3f> foot;
+    for (const auto& p : surface)
+      if (heightAbove(table, p) < lowest + UNDERSIDE) foot.push_back(p);
+    const auto isUnder = [&](const Eigen::Vector3f& p) {
+      const double height = heightAbove(table, p) - lowest;
+      if (height > CARRIER_NEAR / 2 || height < -UNDERSIDE) return false;
+      return std::any_of(foot.begin(), foot.end(), [&](const Eigen::Vector3f& q) {
+        return up.cross(p - q).norm() < CARRIER_NEAR;
+      });
+    };
+    int under = 0;
+    for (std::size_t k = 0; k < standing_.parts.size(); ++k)
+      for (std::size_t i = 0; i < standing_.parts[k].size(); ++i)
+        under += !hypothesis.explained[k][i] && isUnder(standing_.parts[k].points[i]);
+    return under >= MIN_CARRIER_POINTS;
+  }
+
+  std::string marginRefusal(const Hypothesis& best) const {
+    const Rival rival = rivalOf(best);
+    if (rival.margin >= verify_.min_margin) return "";
+    char text[200];
+    std::snprintf(text, sizeof text, "%s: margin %.2f over %s, limit %.2f",
+                  index_.models()[best.model].name.c_str(), rival.margin,
+                  index_.models()[rival.hypothesis->model].name.c_str(), verify_.min_margin);
+    return text;
   }
 
   void take(const Marks& marks) {
@@ -321,7 +378,7 @@ class Decision {
     object.T_camera_object = hypothesis.T_camera_object;
     object.fitness = hypothesis.verification.agreement.fitness;
     object.visible = hypothesis.verification.agreement.visible;
-    object.explained = hypothesis.verification.agreement.explained;
+    object.evidence = evidenceOf(hypothesis);
     std::vector<double> shares;
     for (std::size_t k = 0; k < clusters_.size(); ++k)
       shares.push_back(shareOfCluster(hypothesis.explained, k));

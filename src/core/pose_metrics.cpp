@@ -131,7 +131,7 @@ PoseScore scorePoses(const std::vector<PosedObject>& truth, const std::vector<Po
     const auto model = models.find(truth[t].name);
     if (model == models.end())
       throw std::invalid_argument("no model of the truth's object '" + truth[t].name + "'");
-    score.truth.push_back({truth[t].name, model->second.diameter, std::nullopt});
+    score.truth.push_back({truth[t].name, model->second.diameter, std::nullopt, false});
     for (std::size_t r = 0; r < results.size(); ++r)
       if (results[r].name == truth[t].name)
         pairs.push_back(

@@ -4,10 +4,28 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tabletop_perception/logistic.h"
+
 namespace tabletop_perception {
 namespace {
 
+// Of the terms of the score. `tabletop evaluate --fit` prints what they should be for given scenes;
+// docs/evaluation.md says which of them are in use and why.
+constexpr int TERMS = 9;
+constexpr double WEIGHTS[TERMS] = {6.6, 8.8, 16.6, 0, -0.81, 0, 0, 0, -19.7};
+constexpr double LEAST_SHARE = 0.01;   // smaller ones are as unlikely
+constexpr double LEAST_AREA = 1e-4;    // [m^2]
+constexpr double TABLE_ERROR = 0.012;  // of the table's height where a thing stands [m]
+
 constexpr double MIN_TOUCHED = 0.2;  // share of a part that a model explains if it shows the model
+
+double square(double x) { return x * x; }
+
+/// How far off the table's height a thing is, from as far as a table of a real camera may be off: 0
+/// to 1.
+double offTable(double lift) {
+  return std::clamp((std::abs(lift) - TABLE_ERROR) / TABLE_ERROR, 0.0, 1.0);
+}
 
 /// The points of the parts that a model touches; of all parts if it touches none.
 Surface touchedParts(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
@@ -74,15 +92,27 @@ Verification verifyPose(const ModelIndex& index, int model,
   return verification;
 }
 
-double probabilityOf(const Agreement& agreement, double rms) {
-  constexpr double CONSTANT = 6.6, EXPLAINED = 8.8, VISIBLE = 16.6, SQUARED_MM = -0.81;
-  constexpr double LEAST = 0.01;  // share; smaller ones are as unlikely
+Eigen::VectorXd scoreTerms(const Evidence& evidence) {
+  const Agreement& agreement = evidence.agreement;
   const double seen = agreement.visible + agreement.violation;
-  const double visible = seen > 0 ? agreement.visible / seen : 0;
-  const double rms_mm = 1000 * rms;
-  const double odds = CONSTANT + EXPLAINED * std::log(std::max(LEAST, agreement.explained)) +
-                      VISIBLE * std::log(std::max(LEAST, visible)) + SQUARED_MM * rms_mm * rms_mm;
-  return 1 / (1 + std::exp(-odds));
+  const double not_seen_through = seen > 0 ? agreement.visible / seen : 0;
+  const auto logOf = [](double share) { return std::log(std::max(LEAST_SHARE, share)); };
+  Eigen::VectorXd terms(TERMS);
+  terms << 1, logOf(agreement.explained), logOf(not_seen_through), logOf(agreement.visible),
+      square(1000 * evidence.rms), square(1000 * agreement.fitness),
+      std::log(std::max(LEAST_AREA, evidence.area) / LEAST_AREA), logOf(evidence.margin),
+      offTable(evidence.lift);
+  return terms;
+}
+
+std::vector<std::string> scoreTermNames() {
+  return {"constant", "explained", "not seen through", "visible", "rms",
+          "fitness",  "area",      "margin",           "lift"};
+}
+
+double probabilityOf(const Evidence& evidence) {
+  const Eigen::Map<const Eigen::VectorXd> weights(WEIGHTS, TERMS);
+  return logistic(weights.dot(scoreTerms(evidence)));
 }
 
 }  // namespace tabletop_perception

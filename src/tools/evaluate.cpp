@@ -87,8 +87,9 @@ namespace {
 
 struct EvaluateArguments {
   std::string labels, poses, picks, models, results, report, config;
-  std::vector<std::string> unknown;
-  bool json = false;
+  std::vector<std::string> unknown, by_add_s;
+  double min_visible = 0;
+  bool json = false, fit = false;
 };
 
 void evaluate(const EvaluateArguments& arguments) {
@@ -103,8 +104,9 @@ void evaluate(const EvaluateArguments& arguments) {
   if (!arguments.labels.empty())
     evaluateLabels(arguments.labels, arguments.results, arguments.json, arguments.report);
   else
-    evaluatePoses(arguments.poses, arguments.models, arguments.results, arguments.unknown,
-                  arguments.json, arguments.report);
+    evaluatePoses({arguments.poses, arguments.models, arguments.results, arguments.unknown,
+                   arguments.by_add_s, arguments.min_visible, arguments.json, arguments.fit,
+                   arguments.report});
 }
 
 }  // namespace
@@ -138,6 +140,23 @@ void addEvaluate(CLI::App& app) {
       ->add_option("--unknown", arguments->unknown,
                    "objects of the truth that were not taught: giving them a name is wrong")
       ->type_name("NAME")
+      ->needs(poses);
+  command
+      ->add_option("--by-add-s", arguments->by_add_s,
+                   "objects whose pose cannot be told, a mug whose handle is hidden: ADD-S below "
+                   "0.1 diameters makes them right")
+      ->type_name("SCENE/NAME")
+      ->needs(poses);
+  command
+      ->add_option("--min-visible", arguments->min_visible,
+                   "objects of which a smaller share is visible need not be found (gt.json says)")
+      ->type_name("SHARE")
+      ->check(CLI::Range(0.0, 1.0))
+      ->needs(poses);
+  command
+      ->add_flag("--fit", arguments->fit,
+                 "print what the terms of the score should weigh for these results, which had to "
+                 "be made with verify.min_score 0")
       ->needs(poses);
   command
       ->add_option("--results", arguments->results,

@@ -20,11 +20,20 @@ namespace tabletop_perception::tools {
 void evaluateLabels(const std::filesystem::path& truth, const std::filesystem::path& results,
                     bool json, const std::filesystem::path& report);
 
-/// Compares results as `recognize --output` writes them with folders that have a gt.json.
-/// `unknown`: names of the truth that were not taught. `report`: as above.
-void evaluatePoses(const std::filesystem::path& truth, const std::filesystem::path& models,
-                   const std::filesystem::path& results, const std::vector<std::string>& unknown,
-                   bool json, const std::filesystem::path& report);
+struct PoseEvaluation {
+  std::filesystem::path truth;        ///< of folders that have a gt.json
+  std::filesystem::path models;       ///< the objects' meshes
+  std::filesystem::path results;      ///< as `recognize --output` writes them
+  std::vector<std::string> unknown;   ///< names of the truth that were not taught
+  std::vector<std::string> by_add_s;  ///< SCENE/OBJECT, which ADD-S is to judge instead of MSSD
+  double min_visible = 0;  ///< objects of which less is visible need not be found, but may be
+  bool json = false;
+  bool fit = false;              ///< print what the terms of the score should weigh instead
+  std::filesystem::path report;  ///< as above
+};
+
+/// Compares results with the truth in poses.
+void evaluatePoses(const PoseEvaluation& evaluation);
 
 /// Picks every object of labelled scenes at five pixels and prints how many picks took it and how
 /// many frames lie right. `truth`: a folder of .pcd files with labels, or of folders with label.png

@@ -5,10 +5,13 @@
 #include <optional>
 #include <set>
 #include <stdexcept>
+#include <utility>
 
 #include "evaluate.h"
 #include "evaluate_poses.h"
+#include "fit_score.h"
 #include "report_poses.h"
+#include "result_json.h"
 #include "scene_source.h"
 #include "tabletop_perception/bop_metrics.h"
 #include "tabletop_perception/geometry.h"
@@ -82,9 +85,11 @@ PosedScene readTruth(const fs::path& folder, const std::set<std::string>& unknow
 void readResult(const fs::path& file, PosedScene& scene) {
   visitJson(file, [&](const json& content) {
     visitObjects(content, file, [&](const std::string& name, const json& object) {
-      NamedResult one{{name, poseFromParts(object.at("pose"))}, {}, std::nullopt};
+      NamedResult one{{name, poseFromParts(object.at("pose"))}, {}, std::nullopt, std::nullopt};
       if (const auto score = object.find("score"); score != object.end())
         one.score = score->get<double>();
+      if (const auto evidence = object.find("evidence"); evidence != object.end())
+        one.evidence = evidenceFrom(*evidence);
       const auto box = object.find("box");
       one.middle = box == object.end() ? one.T_camera_object.translation()
                                        : poseFromParts(box->at("pose")).translation();
@@ -199,6 +204,45 @@ std::size_t countFalseAccepts(const PosedScene& scene, const TrueModels& models)
     if (stranger) accepted.insert(*stranger);
   }
   return accepted.size();
+}
+
+bool isObject(const std::string& scene_and_name, const std::vector<PosedScene>& scenes) {
+  for (const auto& scene : scenes)
+    for (const auto& object : scene.truth)
+      if (scene.name + "/" + object.name == scene_and_name) return true;
+  return false;
+}
+
+/// Has ADD-S judge the objects of a scene that are named as SCENE/NAME.
+void judgeByAddS(const std::vector<std::string>& names, PosedScene& scene) {
+  for (auto& outcome : scene.score.truth)
+    outcome.by_add_s =
+        std::find(names.begin(), names.end(), scene.name + "/" + outcome.name) != names.end();
+}
+
+/// Takes out the objects of which less is visible, and the results that are right about them.
+void leaveOutHidden(PosedScene& scene, double min_visible) {
+  const auto hidden = [&](std::size_t object) {
+    return scene.truth[object].visible.value_or(1) < min_visible;
+  };
+  PosedScene kept;
+  std::vector<std::optional<std::size_t>> place(scene.truth.size());
+  for (std::size_t i = 0; i < scene.truth.size(); ++i) {
+    if (hidden(i)) continue;
+    place[i] = kept.truth.size();
+    kept.truth.push_back(scene.truth[i]);
+    kept.score.truth.push_back(scene.score.truth[i]);
+  }
+  for (std::size_t r = 0; r < scene.results.size(); ++r) {
+    const auto& object = scene.score.object_of_result[r];
+    if (object && hidden(*object) && scene.right(r)) continue;
+    kept.results.push_back(scene.results[r]);
+    kept.score.object_of_result.push_back(object ? place[*object] : std::nullopt);
+    ++kept.score.results[scene.results[r].name];
+  }
+  scene.truth = std::move(kept.truth);
+  scene.results = std::move(kept.results);
+  scene.score = std::move(kept.score);
 }
 
 /// None without a depth image.
@@ -397,28 +441,36 @@ std::vector<std::vector<std::string>> furtherRows(const FurtherFigures& figures)
   return rows;
 }
 
-void evaluatePoses(const fs::path& truth, const fs::path& models_folder, const fs::path& results,
-                   const std::vector<std::string>& unknown, bool json, const fs::path& report) {
+void evaluatePoses(const PoseEvaluation& evaluation) {
   std::optional<PoseReport> page;
-  if (!report.empty()) page.emplace(report);
-  auto scenes = readScenes(truth, {unknown.begin(), unknown.end()});
+  if (!evaluation.report.empty()) page.emplace(evaluation.report);
+  auto scenes =
+      readScenes(evaluation.truth, {evaluation.unknown.begin(), evaluation.unknown.end()});
   std::vector<std::string> names;
   for (const auto& scene : scenes) names.push_back(scene.name);
-  const auto result_files = findResults(results, names, ".json");
-  const auto models = readModels(models_folder, scenes);
+  for (const auto& name : evaluation.by_add_s)
+    if (!isObject(name, scenes))
+      throw std::invalid_argument("--by-add-s " + name + ": the truth has no such SCENE/NAME");
+  const auto result_files = findResults(evaluation.results, names, ".json");
+  const auto models = readModels(evaluation.models, scenes);
   for (auto& scene : scenes) {
     const auto result = result_files.find(scene.name);
     scene.has_result = result != result_files.end();
     if (scene.has_result) readResult(result->second, scene);
     scene.score = scorePoses({scene.truth.begin(), scene.truth.end()},
                              {scene.results.begin(), scene.results.end()}, models.reference);
+    judgeByAddS(evaluation.by_add_s, scene);
     scene.false_accepts = countFalseAccepts(scene, models);
+    leaveOutHidden(scene, evaluation.min_visible);
     scene.bop = bopRecalls(scene, models);
     if (!scene.has_result) continue;
     if (const auto plane = readTablePlane(result->second))
       scene.lowest = lowestVertices(scene.truth, models.reference, *plane);
   }
-  json ? printJson(scenes) : printText(scenes);
+  if (evaluation.fit)
+    printScoreFit(scenes, evaluation.json);
+  else
+    evaluation.json ? printJson(scenes) : printText(scenes);
   if (page) page->write(scenes, models);
 }
 

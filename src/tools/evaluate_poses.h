@@ -12,6 +12,7 @@
 #include "tabletop_perception/bop_metrics.h"
 #include "tabletop_perception/mesh.h"
 #include "tabletop_perception/pose_metrics.h"
+#include "tabletop_perception/verify.h"
 
 /// What the figures of poses and their report share.
 namespace tabletop_perception::tools {
@@ -25,6 +26,7 @@ struct TrueObject : PosedObject {
 struct NamedResult : PosedObject {
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();  ///< of its points, else of its frame [m]
   std::optional<double> score;                       ///< where the result says it
+  std::optional<Evidence> evidence;                  ///< likewise
 };
 
 /// A scene of the truth, and how its result came out.

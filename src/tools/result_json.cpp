@@ -49,6 +49,8 @@ ordered_json objectJson(int id, const SceneObject& object, bool named,
   json["points"] = object.points;
   json["box"] = {{"pose", poseJson(object.box.T_camera_box, sensor)},
                  {"size", arrayOf(object.box.size)}};
+  if (named)
+    json["evidence"] = object.name == "unknown" ? ordered_json() : evidenceJson(object.evidence);
   json["reason"] = orNull(object.reason);
   return json;
 }
@@ -83,6 +85,29 @@ ordered_json sceneJson(const Scene& scene, const Segmentation& segmentation,
 }
 
 }  // namespace
+
+ordered_json evidenceJson(const Evidence& evidence) {
+  const Agreement& agreement = evidence.agreement;
+  return {{"explained", agreement.explained},
+          {"fitness", agreement.fitness},
+          {"visible", agreement.visible},
+          {"hidden", agreement.hidden},
+          {"violation", agreement.violation},
+          {"rms", evidence.rms},
+          {"area", evidence.area},
+          {"margin", evidence.margin},
+          {"lift", evidence.lift}};
+}
+
+Evidence evidenceFrom(const nlohmann::json& json) {
+  const auto number = [&](const char* key) { return json.at(key).get<double>(); };
+  return {{number("explained"), number("fitness"), number("visible"), number("hidden"),
+           number("violation")},
+          number("rms"),
+          number("area"),
+          number("margin"),
+          number("lift")};
+}
 
 ordered_json recognitionJson(const Scene& scene, const Recognition& recognition) {
   return sceneJson(scene, recognition.segmentation, recognition.objects, true,

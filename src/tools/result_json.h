@@ -25,6 +25,11 @@ nlohmann::ordered_json segmentationJson(const Scene& scene, const Segmentation& 
 nlohmann::ordered_json pickJson(const Scene& scene, const Found<Pick>& pick,
                                 const std::optional<SceneObject>& object);
 
+/// The `evidence` of an object, and back. Throws nlohmann::json::exception where a number is
+/// missing.
+nlohmann::ordered_json evidenceJson(const Evidence& evidence);
+Evidence evidenceFrom(const nlohmann::json& json);
+
 /// JSON as one line, with its end; bytes that are not UTF-8 (of a file's name) are replaced.
 std::string jsonLine(const nlohmann::ordered_json& json);
 

@@ -187,18 +187,31 @@ TEST(Verify, OptionsOutOfRangeAreRefused) {
 }
 
 TEST(Verify, TheProbabilityFollowsTheEvidence) {
-  Agreement good;
-  good.explained = 0.98;
-  good.visible = 0.8;
-  const double sure = probabilityOf(good, 0.001);
+  Evidence good;
+  good.agreement.explained = 0.98;
+  good.agreement.fitness = 0.0015;
+  good.agreement.visible = 0.8;
+  good.rms = 0.001;
+  good.area = 0.015;
+  const double sure = probabilityOf(good);
   EXPECT_GT(sure, 0.9);
   EXPECT_LT(sure, 1);
-  Agreement less = good;
-  less.explained = 0.7;
-  EXPECT_LT(probabilityOf(less, 0.001), sure);
-  Agreement seen_through = good;
-  seen_through.violation = 0.2;
-  EXPECT_LT(probabilityOf(seen_through, 0.001), sure);
-  EXPECT_LT(probabilityOf(good, 0.003), 0.5) << "3 mm off everywhere";
-  EXPECT_LT(probabilityOf(Agreement(), 0), 1e-6) << "nothing explained, nothing seen";
+  Evidence less = good;
+  less.agreement.explained = 0.7;
+  EXPECT_LT(probabilityOf(less), sure);
+  Evidence seen_through = good;
+  seen_through.agreement.violation = 0.2;
+  EXPECT_LT(probabilityOf(seen_through), sure);
+  Evidence fragment = good;
+  fragment.agreement.visible = 0.16;
+  EXPECT_LE(probabilityOf(fragment), sure);
+  Evidence off = good;
+  off.rms = 0.003;
+  EXPECT_LT(probabilityOf(off), 0.5) << "3 mm off everywhere";
+  EXPECT_LT(probabilityOf(Evidence()), 1e-6) << "nothing explained, nothing seen";
+}
+
+TEST(Verify, EveryTermOfTheScoreHasAName) {
+  EXPECT_EQ(static_cast<std::size_t>(scoreTerms(Evidence()).size()), scoreTermNames().size());
+  EXPECT_TRUE(scoreTerms(Evidence()).allFinite());
 }

@@ -1,5 +1,6 @@
 #include "evaluate.h"
 
+#include <cmath>
 #include <sstream>
 #include <stdexcept>
 
@@ -260,6 +261,54 @@ TEST_F(EvaluatePoses, countsTheRightOnesByVisibilityAndTheTimes) {
   EXPECT_EQ(all["visibility"][4]["right"], 1);
   EXPECT_EQ(all["time_ms"], 12.5);
   EXPECT_EQ(all["bop_recall"], nullptr);  // without a depth image
+}
+
+TEST_F(EvaluatePoses, whatIsHardlyVisibleNeedNotBeFoundButMayBe) {
+  auto truth = json::parse(truthOf({"[0, 0, 1]", "[0.3, 0, 1]"}));
+  truth["objects"][0]["visible_share"] = 0.8;
+  truth["objects"][1]["visible_share"] = 0.35;
+  folder.write("truth/s1/gt.json", truth.dump());
+  const auto all = [&] {
+    return json::parse(evaluate(words() + " --min-visible 0.5 --json"))["all"];
+  };
+  writeResult(json::array({result("wedge", 0)}));
+  EXPECT_EQ(all()["objects"], 1);
+  EXPECT_EQ(all()["right_recall"], 1.0);
+  writeResult({result("wedge", 0.3), result("wedge", 0)});
+  EXPECT_EQ(all()["results"], 1) << "right about the hidden one: neither good nor bad";
+  EXPECT_EQ(all()["right"], 1);
+  writeResult({result("wedge", 0), result("wedge", 0.34)});
+  EXPECT_EQ(all()["precision"], 0.5) << "wrong about it";
+}
+
+TEST_F(EvaluatePoses, judgesAPoseThatCannotBeToldByAddS) {
+  // Turned by 0.2 rad about z: one vertex of four is off by 40 mm, another by 20; 22 are allowed.
+  auto turned = result("wedge", 0);
+  turned["pose"]["orientation"] = {0, 0, std::sin(0.1), std::cos(0.1)};
+  writeResult({turned, result("wedge", 0.3)});
+  const auto all = [&](const std::string& more) {
+    return json::parse(evaluate(words() + more + " --json"))["all"];
+  };
+  EXPECT_EQ(all("")["right"], 1);
+  EXPECT_EQ(all(" --by-add-s s1/wedge")["right"], 2);
+  EXPECT_MENTIONS(complaint(words() + " --by-add-s s2/wedge"), "no such SCENE/NAME");
+}
+
+TEST_F(EvaluatePoses, fitsTheWeightsOfTheScore) {
+  const auto withVisible = [](double x, double visible) {
+    auto one = result("wedge", x);
+    one["evidence"] = {{"explained", 0.9}, {"fitness", 0.002}, {"visible", visible},
+                       {"hidden", 0.1},    {"violation", 0.0}, {"rms", 0.001},
+                       {"area", 0.01},     {"margin", 1.0},    {"lift", 0.0}};
+    return one;
+  };
+  writeResult({withVisible(0, 0.9), withVisible(0.3, 0.8), withVisible(0.6, 0.2)});
+  const auto fit = json::parse(evaluate(words() + " --fit --json"));
+  EXPECT_EQ(fit["results"], 3);
+  EXPECT_GT(fit["weights"]["visible"], 0) << "the one that is wrong is seen least";
+  EXPECT_LT(fit["fitted_loss"], 0.3);
+  writeResult(json::array({result("wedge", 0)}));
+  EXPECT_MENTIONS(complaint(words() + " --fit"), "no result with a name says its evidence");
 }
 
 TEST_F(EvaluatePoses, complainsAboutBadResults) {
