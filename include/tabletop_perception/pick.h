@@ -76,9 +76,9 @@ struct GraspSurface {
   Eigen::Isometry3d T_camera_pick = Eigen::Isometry3d::Identity();
 };
 
-/// None, with the reason, for points that span no plane. The origin lies `depth` behind the
-/// surface, but never below half of the surface's height above the table.
-Found<GraspSurface> graspSurface(const std::vector<Eigen::Vector3f>& points, const Table& table,
+/// Of a thing's points in a cloud. None, with the reason, where they span no plane. The origin lies
+/// `depth` behind the surface, but never below half of the surface's height above the table.
+Found<GraspSurface> graspSurface(const Cloud& cloud, const Indices& thing, const Table& table,
                                  const PickOptions& options);
 
 }  // namespace tabletop_perception

@@ -28,7 +28,7 @@ struct Pick {
   std::vector<Indices> clusters;  ///< of the window: the thing, then what it was cut from
   GraspSurface surface;
   Box box;  ///< about what is seen of the thing; about the whole model once it is recognised
-  PlacedGrasp pregrasp;
+  Pregrasp pregrasp;
   std::map<std::string, double> times_ms;  ///< per stage, and "total"
 
   const Indices& thing() const { return clusters.front(); }

@@ -1,7 +1,6 @@
 #include "tabletop_perception/pick.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdarg>
 #include <cstdint>
@@ -9,8 +8,9 @@
 #include <limits>
 #include <string>
 
-#include <opencv2/imgproc.hpp>
-
+#include "plane_fit.h"
+#include "tabletop_perception/geometry.h"
+#include "tabletop_perception/normals.h"
 #include "tabletop_perception/planes.h"
 
 namespace tabletop_perception {
@@ -18,6 +18,7 @@ namespace {
 
 constexpr double AT_EDGE = 0.01;           // of a cluster: its outermost points may lack [m]
 constexpr int SCAN_STEP = 4;               // of the pixels that a window is looked for among
+constexpr float FACING_COSINE = 0.866F;    // of a surface's points: 30 deg off its normal
 constexpr std::uint32_t SURFACE_SEED = 1;  // same points, same surface
 
 std::string format(const char* text, ...) __attribute__((format(printf, 1, 2)));
@@ -86,33 +87,20 @@ Eigen::Vector3d directed(const Eigen::Vector3d& axis, const Table& table) {
   return in_table[most] < 0 ? Eigen::Vector3d(-axis) : axis;
 }
 
-/// Along the longer side of the least rectangle about points on a plane. Principal axes are drawn
-/// aside where something hides a corner of the surface; the rectangle's sides are not.
-Eigen::Vector3d longAxis(const Cloud& points, const Indices& among, const Eigen::Vector3d& normal) {
-  const Eigen::Vector3d u = normal.unitOrthogonal(), v = normal.cross(u);
-  std::vector<cv::Point2f> flat;
-  flat.reserve(among.size());
-  for (const int i : among) {
-    const Eigen::Vector3d p = points.point(i).cast<double>();
-    flat.emplace_back(static_cast<float>(u.dot(p)), static_cast<float>(v.dot(p)));
+/// Of a plane's points, by their place in `thing`, those whose normals agree with it: not the strip
+/// of a side face that lies just as near to it. All where fewer than half do: normals are noise.
+Indices facingAlike(const Cloud& cloud, const Indices& thing, const Plane& plane) {
+  Cloud alone(cloud.width, cloud.height, false);  // what stands beside it bends no normal
+  for (const int i : thing) alone.setPoint(i, cloud.point(i));
+  const Normals normals = computeNormals(alone, Eigen::Vector3f::Zero(), NormalsOptions());
+  const Eigen::Vector3f z = plane.plane.head<3>().cast<float>();
+  Indices facing;
+  for (const int k : plane.points) {
+    const int i = thing[k];
+    const Eigen::Vector3f normal(normals.x[i], normals.y[i], normals.z[i]);
+    if (normal.dot(z) >= FACING_COSINE) facing.push_back(k);  // not so for NaN
   }
-  std::array<cv::Point2f, 4> corners;
-  cv::minAreaRect(flat).points(corners.data());
-  const cv::Point2f a = corners[1] - corners[0], b = corners[2] - corners[1];
-  const cv::Point2f longer = cv::norm(a) > cv::norm(b) ? a : b;
-  const Eigen::Vector3d axis = longer.x * u + longer.y * v;
-  return axis.norm() > 0 ? axis.normalized() : u;
-}
-
-double extentAlong(const Cloud& points, const Indices& among, const Eigen::Vector3d& axis) {
-  const Eigen::Vector3f direction = axis.cast<float>();
-  float low = std::numeric_limits<float>::infinity(), high = -low;
-  for (const int i : among) {
-    const float along = direction.dot(points.point(i));
-    low = std::min(low, along);
-    high = std::max(high, along);
-  }
-  return high - low;
+  return 2 * facing.size() >= plane.points.size() ? facing : plane.points;
 }
 
 }  // namespace
@@ -245,29 +233,35 @@ Found<int> clusterAt(const Cloud& cloud, const std::vector<Indices>& clusters,
   return Found<int>::none(nothingAt(cloud.point(seen.index), tables, table_options));
 }
 
-Found<GraspSurface> graspSurface(const std::vector<Eigen::Vector3f>& points, const Table& table,
+Found<GraspSurface> graspSurface(const Cloud& cloud, const Indices& thing, const Table& table,
                                  const PickOptions& options) {
   checkOptions("pick", options);
-  Cloud cloud(static_cast<int>(points.size()), 1, false);
-  for (std::size_t i = 0; i < points.size(); ++i) cloud.setPoint(i, points[i]);
+  const Cloud points = selectPoints(cloud, thing);
   const auto largest =
-      findLargestPlane(cloud, options.surface_distance, std::nullopt, SURFACE_SEED);
+      findLargestPlane(points, options.surface_distance, std::nullopt, SURFACE_SEED);
   if (!largest || largest->points.empty())
-    return Found<GraspSurface>::none(format("its %zu points span no surface", points.size()));
+    return Found<GraspSurface>::none(format("its %zu points span no surface", thing.size()));
+  const Cloud facing = selectPoints(points, facingAlike(cloud, thing, *largest));
+  const auto fit = fitPlaneNear(facing, largest->plane, options.surface_distance);
+  const Eigen::Vector4d plane = fit ? fit->plane : largest->plane;
+  const Eigen::Vector3d middle = fit ? fit->centroid : largest->centroid;
 
   GraspSurface surface;
-  surface.plane = largest->plane;
-  surface.points = static_cast<int>(largest->points.size());
-  const Eigen::Vector3d z = largest->plane.head<3>(), middle = largest->centroid;
-  const Eigen::Vector3d x = directed(longAxis(cloud, largest->points, z), table);
-  const Eigen::Vector3d y = z.cross(x);
-  surface.extents = {extentAlong(cloud, largest->points, x),
-                     extentAlong(cloud, largest->points, y)};
+  surface.plane = plane[3] < 0 ? Eigen::Vector4d(-plane) : plane;  // the sensor is the origin
+  surface.points = static_cast<int>(facing.size());
+  const Eigen::Vector3d z = surface.plane.head<3>();
+  const Box sides = boxAround(pointsAt(facing, validIndices(facing)), z);
+  Eigen::Index thickness;
+  (sides.T_camera_box.linear().transpose() * z).cwiseAbs().maxCoeff(&thickness);
+  const Eigen::Index longer = thickness == 0 ? 1 : 0, shorter = thickness == 2 ? 1 : 2;
+  const Eigen::Vector3d x = directed(sides.T_camera_box.linear().col(longer), table);
+
+  surface.extents = {sides.size[longer], sides.size[shorter]};
   const double height = heightAbove(table, middle.cast<float>());
   const double sinking = z.dot(table.plane.head<3>());  // per metre of depth
   const double depth =
       sinking > 0 ? std::min(options.depth, std::max(0.0, height) / 2 / sinking) : options.depth;
-  surface.T_camera_pick.linear() << x, y, z;
+  surface.T_camera_pick.linear() << x, z.cross(x), z;
   surface.T_camera_pick.translation() = middle - depth * z;
   return surface;
 }

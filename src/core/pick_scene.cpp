@@ -64,7 +64,7 @@ Found<Pick> pickInWindow(Pick pick, const std::vector<Table>& tables,
   const auto points = pointsAt(cloud, pick.thing());
   pick.table = tables[tableUnder(tables, centroidOf(points))];
   pick.table.inliers.clear();
-  const auto surface = graspSurface(points, pick.table, options.pick);
+  const auto surface = graspSurface(cloud, pick.thing(), pick.table, options.pick);
   if (!surface) return Found<Pick>::none(surface.reason);
   pick.surface = *surface;
   pick.box = boxAround(points, pick.table.plane.head<3>());

@@ -281,7 +281,7 @@ class PickNodelet : public StageNodelet {
     message.pregrasp = messageFromPose(pick.pregrasp.T_camera_gripper);
     message.width = pick.pregrasp.width;
     message.object = messageFromObject(object, 1, header);
-    message.object.child_frame_id = "picked";
+    message.object.child_frame_id.clear();  // only refine sends the frames of objects
     return message;
   }
 

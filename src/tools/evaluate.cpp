@@ -167,7 +167,8 @@ void addEvaluate(CLI::App& app) {
       ->add_option("--report", arguments->report,
                    "write an HTML page with pictures of every scene to DIR/index.html; labels: "
                    "results without truth are shown too")
-      ->type_name("DIR");
+      ->type_name("DIR")
+      ->excludes(picks);
   command->footer(
       "Labels: F, precision and recall of the points that matched segments and objects share, as\n"
       "means over scenes; objects matched with an IoU of at least 0.75, over all scenes; IoU of\n"
@@ -176,9 +177,9 @@ void addEvaluate(CLI::App& app) {
       "ADD-S counts below 0.1 diameters, its AUC goes to 10 cm; precision is right / results.\n"
       "With depth images also the BOP Challenge's average recall; with visible_share in gt.json\n"
       "the right ones by visibility.\n"
-      "Picks: right where the points taken have an IoU of at least 0.5 with the object; of those, "
-      "z\n"
-      "within 5 deg of the main surface's normal and x within 10 deg of its longer side.\n"
+      "Picks: right where the points taken have an IoU of at least 0.5 with the object or with\n"
+      "the part of it that was pointed at; of those, z within 5 deg of the main surface's normal\n"
+      "and x within 10 deg of its longer side.\n"
       "Exit code: 0 done, 2 bad usage or unreadable input.\n"
       "Example: tabletop evaluate --labels truth --results segmented");
   command->callback([arguments] { evaluate(*arguments); });

@@ -35,12 +35,13 @@ constexpr double MAX_Z_ERROR_DEG = 5, MAX_X_ERROR_DEG = 10;
 /// An object of the truth.
 struct Mask {
   Indices points;                ///< with depth
-  std::vector<Indices> parts;    ///< that the truth tells apart; itself where it does not
+  std::map<int, Indices> parts;  ///< by label: those that the truth tells apart
   std::vector<cv::Point> picks;  ///< the innermost pixel, and four half-way from it to the border
 };
 
 struct Truth {
   Cloud cloud;
+  cv::Mat1i labels;  ///< of its pixels
   std::optional<Eigen::Vector3d> up;
   std::vector<Mask> masks;
 };
@@ -80,20 +81,19 @@ std::vector<cv::Point> picksIn(const cv::Mat1b& mask) {
 }
 
 /// Adds the object whose pixels carry any of the labels.
-void addMask(const cv::Mat1i& labels, const std::set<int>& values, Truth& truth) {
+void addMask(const std::set<int>& values, Truth& truth) {
+  const cv::Mat1i& labels = truth.labels;
   Mask mask;
   cv::Mat1b pixels = cv::Mat1b::zeros(labels.rows, labels.cols);
-  std::map<int, Indices> parts;
   for (int i = 0; i < static_cast<int>(truth.cloud.size()); ++i) {
     const int value = labels(i / labels.cols, i % labels.cols);
     if (values.count(value) == 0) continue;
     pixels(i / labels.cols, i % labels.cols) = 255;
     if (!truth.cloud.valid(i)) continue;
     mask.points.push_back(i);
-    parts[value].push_back(i);
+    mask.parts[value].push_back(i);
   }
   if (mask.points.size() < MIN_POINTS) return;
-  for (auto& part : parts) mask.parts.push_back(std::move(part.second));
   mask.picks = picksIn(pixels);
   truth.masks.push_back(std::move(mask));
 }
@@ -104,13 +104,13 @@ Truth truthOf(const LabelledScene& scene) {
   truth.cloud = std::move(contents.cloud);
   if (!truth.cloud.organized())
     throw std::invalid_argument(scene.truth.string() + " must be organised: pixels are picked");
-  cv::Mat1i labels(truth.cloud.height, truth.cloud.width);
-  std::transform(contents.labels.begin(), contents.labels.end(), labels.begin(),
+  truth.labels.create(truth.cloud.height, truth.cloud.width);
+  std::transform(contents.labels.begin(), contents.labels.end(), truth.labels.begin(),
                  [](std::uint32_t label) { return static_cast<int>(label); });
   std::map<int, std::set<int>> objects;
-  for (const int label : labels)
+  for (const int label : truth.labels)
     if (label >= 20) objects[label / 10].insert(label);
-  for (const auto& object : objects) addMask(labels, object.second, truth);
+  for (const auto& object : objects) addMask(object.second, truth);
   return truth;
 }
 
@@ -134,9 +134,8 @@ Truth truthOf(const fs::path& folder) {
   const cv::Mat image = cv::imread((folder / "label.png").string(), cv::IMREAD_GRAYSCALE);
   if (image.rows != truth.cloud.height || image.cols != truth.cloud.width)
     throw std::invalid_argument((folder / "label.png").string() + " must have the depth's size");
-  cv::Mat1i labels;
-  image.convertTo(labels, CV_32S);
-  for (const int value : objectValues(folder / "gt.json")) addMask(labels, {value}, truth);
+  image.convertTo(truth.labels, CV_32S);
+  for (const int value : objectValues(folder / "gt.json")) addMask({value}, truth);
   return truth;
 }
 
@@ -161,11 +160,11 @@ double iouOf(const Indices& a, const Indices& b) {
   return static_cast<double>(both.size()) / static_cast<double>(a.size() + b.size() - both.size());
 }
 
-/// An object in parts counts as a whole or by the part that fits.
-bool isRight(const Indices& taken, const Mask& mask) {
+/// An object in parts counts as a whole or by the part that was pointed at.
+bool isRight(const Indices& taken, const Mask& mask, int label) {
+  const auto part = mask.parts.find(label);
   return iouOf(taken, mask.points) >= RIGHT_IOU ||
-         std::any_of(mask.parts.begin(), mask.parts.end(),
-                     [&](const Indices& part) { return iouOf(taken, part) >= RIGHT_IOU; });
+         (part != mask.parts.end() && iouOf(taken, part->second) >= RIGHT_IOU);
 }
 
 /// What the axes of the frame should be.
@@ -220,7 +219,7 @@ PickFigures figuresOf(const std::string& name, const Truth& truth, const Pipelin
                        options.pick.pixel_window);
       const auto pick = point ? pickInScene(truth.cloud, *point, truth.up, options)
                               : Found<Pick>::none(point.reason);
-      const bool right = pick && isRight(pickedPoints(*pick), mask);
+      const bool right = pick && isRight(pickedPoints(*pick), mask, truth.labels(pixel));
       share.add(right);
       if (!pick)
         std::fprintf(stderr, "%s: (%d, %d): %s\n", name.c_str(), pixel.x, pixel.y,
@@ -245,9 +244,13 @@ PickFigures sumOf(const PickFigures& a, const PickFigures& b) {
 /// The folders with a label.png and a gt.json, sorted.
 std::vector<fs::path> labelledFolders(const fs::path& truth) {
   std::vector<fs::path> folders;
-  for (const auto& entry : fs::directory_iterator(truth))
-    if (fs::exists(entry.path() / "label.png") && fs::exists(entry.path() / "gt.json"))
+  for (const auto& entry : fs::directory_iterator(truth)) {
+    if (!fs::exists(entry.path() / "gt.json")) continue;
+    if (fs::exists(entry.path() / "label.png"))
       folders.push_back(entry.path());
+    else
+      std::fprintf(stderr, "%s: left out, it has no label.png\n", entry.path().c_str());
+  }
   std::sort(folders.begin(), folders.end());
   return folders;
 }

@@ -61,7 +61,7 @@ TEST(Pick, theFrameLiesBehindTheTopWithXAlongItsLongerSide) {
   EXPECT_GT(cosine(T_table_pick.linear().col(2), Eigen::Vector3d::UnitZ()), 0.999);
   EXPECT_GT(cosine(T_table_pick.linear().col(0), along), 0.999);
   EXPECT_NEAR(T_table_pick.linear().determinant(), 1, 1e-9);
-  EXPECT_LT((T_table_pick.translation() - Eigen::Vector3d(0, 0, 0.08)).norm(), 0.01);
+  EXPECT_LT((T_table_pick.translation() - Eigen::Vector3d(0, 0, 0.08)).norm(), 0.005);
   EXPECT_NEAR(pick->surface.extents.x(), 0.12, 0.005);
   EXPECT_NEAR(pick->surface.extents.y(), 0.06, 0.005);
 }
@@ -77,8 +77,7 @@ TEST(Pick, theGripperComesFromAboveAndOpensAlongTheShorterSide) {
   const Eigen::Vector3d across(-std::sin(0.3), std::cos(0.3), 0);
   EXPECT_GT(std::abs(cosine(T_table_gripper.linear().col(1), across)), 0.99);
   EXPECT_NEAR(T_table_gripper.translation().z(), 0.10 + options.grasp.approach, 0.005);
-  EXPECT_GT(pick->pregrasp.width, 0.06 + options.grasp.margin - 0.003);
-  EXPECT_LT(pick->pregrasp.width, 0.06 + options.grasp.margin + 0.02);  // the box is askew
+  EXPECT_NEAR(pick->pregrasp.width, 0.06 + options.grasp.margin, 0.01);
 }
 
 TEST(Pick, theOriginOfAFlatThingStaysAboveTheTable) {
@@ -144,24 +143,6 @@ TEST(PointAtPixel, aCamerasPixelFindsTheFrontmostPointOfAnyCloud) {
   ASSERT_TRUE(point);
   EXPECT_EQ(*point, Eigen::Vector3f(0, 0, 1));
   EXPECT_TRUE(contains(pointAtPixel(cloud, camera, {20, 40}, 5).reason, "no depth"));
-}
-
-TEST(Grasps, thoseThroughTheTableAreDroppedTheOthersKeepTheirOrder) {
-  Table table;
-  table.plane = {0, 0, 1, 0};
-  const auto from = [](double degrees, double height) {
-    Grasp grasp;
-    grasp.T_object_gripper = Eigen::Translation3d(0, 0, height) *
-                             Eigen::AngleAxisd(degrees * M_PI / 180, Eigen::Vector3d::UnitX());
-    grasp.width = 0.05;
-    return grasp;
-  };
-  const std::vector<Grasp> grasps = {from(0, 0.05), from(180, 0.05), from(90, 0.01),
-                                     from(90, 0.08)};  // from below, above, too low, the side
-  const auto above = graspsAboveTable(grasps, Eigen::Isometry3d::Identity(), table, GraspOptions());
-  ASSERT_EQ(above.size(), 2u);
-  EXPECT_TRUE(above[0].T_camera_gripper.isApprox(grasps[1].T_object_gripper));
-  EXPECT_TRUE(above[1].T_camera_gripper.isApprox(grasps[3].T_object_gripper));
 }
 
 }  // namespace

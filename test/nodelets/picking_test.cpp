@@ -89,8 +89,8 @@ TEST_F(Picking, aClickedPointGivesAFrameOnTheThing) {
   EXPECT_EQ(answer.header.frame_id, "camera");
   const Eigen::Vector3d origin =
       scene_.T_camera_table.inverse() * pointFromMessage(answer.pose.position);
-  EXPECT_LT((origin - Eigen::Vector3d(0, 0, 0.08)).norm(), 0.01);
-  EXPECT_NEAR(answer.width, 0.09, 0.015);
+  EXPECT_LT((origin - Eigen::Vector3d(0, 0, 0.08)).norm(), 0.005);
+  EXPECT_NEAR(answer.width, 0.08, 0.01);
   ASSERT_TRUE(spinUntil([&] { return frames_.size() == 2; }, 5));
   EXPECT_EQ(frames_[0].child_frame_id, "picked");
   EXPECT_EQ(frames_[1].child_frame_id, "pregrasp");
