@@ -7,6 +7,7 @@
 
 #include "tabletop_perception/cloud.h"
 #include "tabletop_perception/options.h"
+#include "tabletop_perception/packed_cloud.h"
 
 namespace tabletop_perception {
 
@@ -85,5 +86,9 @@ Cloud removeRadiusOutliers(const Cloud& cloud, int neighbors, double radius);
 /// All of the above as the options say, in that order. Throws std::invalid_argument for options
 /// that contradict each other (min_range not below max_range).
 Cloud filterCloud(Cloud cloud, const FilterOptions& options);
+
+/// The same for a cloud as bytes, cropped by range while it is read; throws as unpackCloud does,
+/// too.
+Cloud filterCloud(const PackedCloud& packed, const FilterOptions& options);
 
 }  // namespace tabletop_perception

@@ -33,6 +33,10 @@ struct PackedCloud {
 /// for the size.
 Cloud unpackCloud(const PackedCloud& packed);
 
+/// The same, without the points nearer than `min_range` or farther than `max_range` from the sensor
+/// [m]: they are dropped while they are read, which spares a pass over the cloud.
+Cloud unpackCloud(const PackedCloud& packed, double min_range, double max_range);
+
 /// The `label` field (uint32), one per point; throws std::invalid_argument when there is none.
 std::vector<std::uint32_t> unpackLabels(const PackedCloud& packed);
 

@@ -16,7 +16,7 @@ struct VerifyOptions {
   double min_agreement = 0.4;   ///< least agreement with what the camera saw
   double min_margin = 0.02;     ///< least lead in agreement over the best other object
   double min_explained = 0.7;   ///< least share of the cluster that the model explains
-  double min_visible = 0.15;    ///< least share of the model's surface that the camera saw
+  double min_visible = 0.3;     ///< least share of the model's surface that the camera saw
   double max_sink = 0.02;       ///< deepest that a model may reach into the table [m]
   double max_violation = 0.25;  ///< largest share of the model that hides what the camera saw
 

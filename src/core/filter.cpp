@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "range_crop.h"
 #include "simd.h"
 #include "tabletop_perception/kd_tree.h"
 #include "voxel_numbers.h"
@@ -20,18 +21,6 @@ Cloud keepIf(Cloud cloud, Predicate keep) {
   for (std::size_t i = 0; i < cloud.size(); ++i)
     if (cloud.valid(i) && !keep(cloud.point(i))) cloud.drop(i);
   return cloud;
-}
-
-/// Drops points unless their squared distance from the sensor is within the limits.
-TABLETOP_SIMD_CLONES
-void dropOutside(float* x, float* y, float* z, std::size_t count, float nearest, float farthest) {
-  for (std::size_t i = 0; i < count; ++i) {
-    const float squared_range = x[i] * x[i] + (y[i] * y[i] + z[i] * z[i]);
-    const bool within = (squared_range >= nearest) & (squared_range <= farthest);
-    x[i] = nanUnless(within, x[i]);
-    y[i] = nanUnless(within, y[i]);
-    z[i] = nanUnless(within, z[i]);
-  }
 }
 
 /// Cubes of consecutive points, and where in them the points lie [m].
@@ -102,11 +91,27 @@ Eigen::Isometry3d boxPose(const FilterOptions& options) {
          Eigen::AngleAxisd(options.box_roll, Eigen::Vector3d::UnitX());
 }
 
+/// What follows the crop by range.
+Cloud filterInRange(Cloud filtered, const FilterOptions& options) {
+  if (options.crop_axis != "none")
+    filtered = cropAxis(std::move(filtered), options.crop_axis[0] - 'x', options.crop_min,
+                        options.crop_max);
+  if (options.box)
+    filtered = cropBox(std::move(filtered), boxPose(options),
+                       {options.box_size_x, options.box_size_y, options.box_size_z});
+  if (options.leaf_size > 0) filtered = voxelGrid(filtered, options.leaf_size);
+  if (options.outliers == "statistical")
+    filtered =
+        removeStatisticalOutliers(filtered, options.outlier_neighbors, options.outlier_deviations);
+  if (options.outliers == "radius")
+    filtered = removeRadiusOutliers(filtered, options.outlier_neighbors, options.outlier_radius);
+  return filtered;
+}
+
 }  // namespace
 
 Cloud cropRange(Cloud cloud, double min, double max) {
-  dropOutside(cloud.x.data(), cloud.y.data(), cloud.z.data(), cloud.size(),
-              static_cast<float>(min * min), static_cast<float>(max * max));
+  dropOutside(cloud.x.data(), cloud.y.data(), cloud.z.data(), cloud.size(), min, max);
   return cloud;
 }
 
@@ -197,21 +202,12 @@ Cloud removeRadiusOutliers(const Cloud& cloud, int neighbors, double radius) {
 
 Cloud filterCloud(Cloud cloud, const FilterOptions& options) {
   checkOptions("filter", options);
+  return filterInRange(cropRange(std::move(cloud), options.min_range, options.max_range), options);
+}
 
-  Cloud filtered = cropRange(std::move(cloud), options.min_range, options.max_range);
-  if (options.crop_axis != "none")
-    filtered = cropAxis(std::move(filtered), options.crop_axis[0] - 'x', options.crop_min,
-                        options.crop_max);
-  if (options.box)
-    filtered = cropBox(std::move(filtered), boxPose(options),
-                       {options.box_size_x, options.box_size_y, options.box_size_z});
-  if (options.leaf_size > 0) filtered = voxelGrid(filtered, options.leaf_size);
-  if (options.outliers == "statistical")
-    filtered =
-        removeStatisticalOutliers(filtered, options.outlier_neighbors, options.outlier_deviations);
-  if (options.outliers == "radius")
-    filtered = removeRadiusOutliers(filtered, options.outlier_neighbors, options.outlier_radius);
-  return filtered;
+Cloud filterCloud(const PackedCloud& packed, const FilterOptions& options) {
+  checkOptions("filter", options);
+  return filterInRange(unpackCloud(packed, options.min_range, options.max_range), options);
 }
 
 }  // namespace tabletop_perception

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <stdexcept>
 
 #include <Eigen/Core>
+
+#include "range_crop.h"
 
 namespace tabletop_perception {
 namespace {
@@ -191,6 +194,10 @@ bool hasField(const PackedCloud& packed, const std::string& name) {
 }
 
 Cloud unpackCloud(const PackedCloud& packed) {
+  return unpackCloud(packed, 0, std::numeric_limits<double>::infinity());
+}
+
+Cloud unpackCloud(const PackedCloud& packed, double min_range, double max_range) {
   checkLayout(packed);
   if (packed.width == 0 || packed.height == 0) return {};
   const auto& x = requireField(packed, "x", FLOAT32, FLOAT64);
@@ -205,6 +212,7 @@ Cloud unpackCloud(const PackedCloud& packed) {
   for (auto* values : {&cloud.x, &cloud.y, &cloud.z}) values->reserve(size);
   if (color) cloud.rgb.reserve(size);
   const bool plain = hasPlainPoints(packed, x, y, z);
+  const bool cropped = min_range > 0 || std::isfinite(max_range);
   float xs[MAX_RUN], ys[MAX_RUN], zs[MAX_RUN];
   std::uint32_t colors[MAX_RUN];
   visitRuns(packed, [&](const Run& run) {
@@ -216,6 +224,7 @@ Cloud unpackCloud(const PackedCloud& packed) {
       readFloatRun(packed, z, run, zs);
     }
     dropNonFinite(xs, ys, zs, run.count);
+    if (cropped) dropOutside(xs, ys, zs, run.count, min_range, max_range);
     cloud.x.insert(cloud.x.end(), xs, xs + run.count);
     cloud.y.insert(cloud.y.end(), ys, ys + run.count);
     cloud.z.insert(cloud.z.end(), zs, zs + run.count);

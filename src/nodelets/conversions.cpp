@@ -7,24 +7,8 @@
 
 #include <boost/make_shared.hpp>
 
-#include "tabletop_perception/packed_cloud.h"
-
 namespace tabletop_perception {
 namespace {
-
-PackedCloud packedView(const sensor_msgs::PointCloud2& message) {
-  PackedCloud packed;
-  packed.width = message.width;
-  packed.height = message.height;
-  packed.point_step = message.point_step;
-  packed.row_step = message.row_step;
-  packed.big_endian = message.is_bigendian;
-  for (const auto& field : message.fields)
-    packed.fields.push_back({field.name, field.offset, field.datatype, field.count});
-  packed.data = message.data.data();
-  packed.data_size = message.data.size();
-  return packed;
-}
 
 /// Adds a field of four bytes at the end of the point.
 void addField(sensor_msgs::PointCloud2& message, const std::string& name, std::uint8_t datatype) {
@@ -69,6 +53,20 @@ TableMessage filledMessage(const Table& table, const std::string& reason,
 }
 
 }  // namespace
+
+PackedCloud packedView(const sensor_msgs::PointCloud2& message) {
+  PackedCloud packed;
+  packed.width = message.width;
+  packed.height = message.height;
+  packed.point_step = message.point_step;
+  packed.row_step = message.row_step;
+  packed.big_endian = message.is_bigendian;
+  for (const auto& field : message.fields)
+    packed.fields.push_back({field.name, field.offset, field.datatype, field.count});
+  packed.data = message.data.data();
+  packed.data_size = message.data.size();
+  return packed;
+}
 
 Cloud cloudFromMessage(const sensor_msgs::PointCloud2& message) {
   return unpackCloud(packedView(message));

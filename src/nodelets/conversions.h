@@ -16,10 +16,14 @@
 #include "tabletop_perception/cloud.h"
 #include "tabletop_perception/found.h"
 #include "tabletop_perception/match.h"
+#include "tabletop_perception/packed_cloud.h"
 #include "tabletop_perception/pipeline.h"
 #include "tabletop_perception/table.h"
 
 namespace tabletop_perception {
+
+/// The message's bytes as the core reads them; only as long as the message is there.
+PackedCloud packedView(const sensor_msgs::PointCloud2& message);
 
 /// The points of a message. Throws std::invalid_argument when its fields and sizes do not add up
 /// (see unpackCloud).

@@ -32,7 +32,7 @@ class FilterNodelet : public StageNodelet {
   void onCloud(const sensor_msgs::PointCloud2ConstPtr& message) {
     if (busy()) return;
     attempt([&] {
-      const Cloud cloud = filterCloud(cloudFromMessage(*message), options_);
+      const Cloud cloud = filterCloud(packedView(*message), options_);
       const auto filtered = messageFromCloud(cloud, message->header);
       frames_.push_back({filtered, Clock::now()});
       cloud_pub_.publish(filtered);

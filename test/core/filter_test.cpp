@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <tuple>
 #include <vector>
@@ -65,6 +66,37 @@ TEST(Filter, RangeDoesNotDependOnWhichAxisIsForward) {
   const std::vector<Eigen::Vector3f> near_and_far{{0, 0, 1}, {0, 0, 3}, {0, 0, -1}, {0, 0, -3},
                                                   {1, 0, 0}, {3, 0, 0}, {0, -1, 0}, {0, -3, 0}};
   EXPECT_EQ(validIndices(cropRange(cloudOf(near_and_far), 0.5, 2)), (Indices{0, 2, 4, 6}));
+}
+
+TEST(Filter, CropsWhileItReadsAsItDoesAfterwards) {
+  Cloud cloud = randomGrid();
+  const float infinity = std::numeric_limits<float>::infinity();
+  cloud.setPoint(3, {infinity, 0, 1});
+  cloud.setPoint(7, {0, 0, -infinity});
+  const std::size_t n = cloud.size();
+  std::vector<float> bytes(4 * n);  // x, y, z and padding
+  for (std::size_t i = 0; i < n; ++i)
+    for (int axis = 0; axis < 3; ++axis) bytes[4 * i + axis] = cloud.point(i)[axis];
+  PackedCloud packed;
+  packed.width = cloud.width;
+  packed.height = cloud.height;
+  packed.point_step = 16;
+  packed.row_step = 16 * packed.width;
+  packed.fields = {{"x", 0, 7, 1}, {"y", 4, 7, 1}, {"z", 8, 7, 1}};
+  packed.data = reinterpret_cast<const std::uint8_t*>(bytes.data());
+  packed.data_size = bytes.size() * sizeof(float);
+
+  FilterOptions options;
+  options.min_range = 0.8;
+  options.max_range = 1.7;
+  options.crop_axis = "x";
+  options.crop_min = -0.3;
+  const Cloud at_once = filterCloud(packed, options);
+  const Cloud afterwards = filterCloud(unpackCloud(packed), options);
+  EXPECT_EQ(validIndices(at_once), validIndices(afterwards));
+  EXPECT_EQ(validPoints(at_once), validPoints(afterwards));
+  EXPECT_LT(validIndices(at_once).size(), n);
+  EXPECT_GT(validIndices(at_once).size(), 10u);
 }
 
 TEST(Filter, PassThroughLooksAtOneAxis) {
