@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
 #include <cstdint>
-#include <cstdio>
 #include <limits>
 #include <string>
 
+#include "format.h"
 #include "plane_fit.h"
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/normals.h"
@@ -20,16 +19,6 @@ constexpr double AT_EDGE = 0.01;           // of a cluster: its outermost points
 constexpr int SCAN_STEP = 4;               // of the pixels that a window is looked for among
 constexpr float FACING_COSINE = 0.866F;    // of a surface's points: 30 deg off its normal
 constexpr std::uint32_t SURFACE_SEED = 1;  // same points, same surface
-
-std::string format(const char* text, ...) __attribute__((format(printf, 1, 2)));
-std::string format(const char* text, ...) {
-  char line[256];
-  va_list values;
-  va_start(values, text);
-  std::vsnprintf(line, sizeof line, text, values);
-  va_end(values);
-  return line;
-}
 
 /// Why a pixel cannot be looked at; empty if it can.
 std::string pixelRefusal(const Eigen::Vector2d& pixel, int width, int height) {
