@@ -39,7 +39,7 @@ class ObjectDatabase {
   /// object that is not whole (no name, no view, numbers that are not finite).
   void store(const ObjectModel& model);
 
-  /// All of them or, when this throws, none.
+  /// All of them or, when this throws, none; it also does for two of one name.
   void store(const std::vector<ObjectModel>& models);
 
   /// Takes an object out; false if there is none of that name.

@@ -44,7 +44,7 @@ struct Box {
 };
 
 /// The box of the points' extents along their principal axes (z completes a right-handed frame);
-/// with `up`, one axis of it is `up` and the others are principal in the plane across it.
+/// with `up`, one axis is `up`, the others the sides of the least rectangle in the plane across it.
 /// Of no points: an empty box.
 Box boxAround(const std::vector<Eigen::Vector3f>& points, const std::optional<Eigen::Vector3d>& up);
 

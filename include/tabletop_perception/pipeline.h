@@ -13,8 +13,10 @@
 #include "tabletop_perception/color.h"
 #include "tabletop_perception/decide.h"
 #include "tabletop_perception/filter.h"
+#include "tabletop_perception/grasp.h"
 #include "tabletop_perception/match.h"
 #include "tabletop_perception/model_index.h"
+#include "tabletop_perception/pick.h"
 #include "tabletop_perception/refine.h"
 #include "tabletop_perception/split.h"
 #include "tabletop_perception/table.h"
@@ -32,6 +34,8 @@ struct PipelineOptions {
   MatchOptions match;
   RefineOptions refine;
   VerifyOptions verify;
+  PickOptions pick;
+  GraspOptions grasp;
 
   /// Calls visit(section, options) for each stage.
   template <typename Visitor>
@@ -44,6 +48,8 @@ struct PipelineOptions {
     visit("match", match);
     visit("refine", refine);
     visit("verify", verify);
+    visit("pick", pick);
+    visit("grasp", grasp);
   }
 };
 

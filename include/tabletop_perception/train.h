@@ -21,13 +21,24 @@ struct TrainingView {
   Eigen::Isometry3d T_view_object = Eigen::Isometry3d::Identity();  ///< object in the camera
 };
 
-/// An object from its mesh: rendered as a Kinect would see it from the directions of a subdivided
-/// icosphere (80 views) at 0.7 m, or farther where it is large. The model's surface is what the
-/// views saw, so nothing inside a shape is in it; views too small to describe are left out; the
-/// symmetry is detected. Throws std::invalid_argument for a bad name, bad options, as
-/// checkObjectMesh, and when no view can be described.
+/// How a mesh is looked at.
+struct MeshViewOptions {
+  std::vector<double> distances = {0.7};  ///< of the camera from the mesh's middle [m]
+  bool noise = false;                     ///< views as a DepthSensor sees them, not as they are
+};
+
+/// Throws std::invalid_argument unless every distance is 0.4 to 3 m, and there is one.
+void checkMeshViews(const MeshViewOptions& options);
+
+/// An object from its mesh: rendered for the camera of a Kinect from the directions of a subdivided
+/// icosphere (80 views) at every distance, or farther where it is large. The model's surface is
+/// what the views would see without noise, so nothing inside a shape is in it; views too small to
+/// describe are left out; the symmetry is detected. The same arguments give the same model. Throws
+/// std::invalid_argument for a bad name, bad options, as checkObjectMesh and checkMeshViews, and
+/// when no view can be described.
 ObjectModel trainFromMesh(const std::string& name, const Mesh& mesh,
-                          const DescriptorOptions& options, const Progress& progress);
+                          const DescriptorOptions& options, const Progress& progress,
+                          const MeshViewOptions& view_options = {});
 
 /// An object from views of it; its surface is all that they saw, views too small to describe are
 /// left out. A symmetry is looked for only if they show it from all around. Throws

@@ -47,6 +47,15 @@ Cloud selectPoints(const Cloud& cloud, const Indices& indices) {
   return selected;
 }
 
+Cloud decimated(const Cloud& cloud, int step) {
+  Cloud coarse((cloud.width + step - 1) / step, (cloud.height + step - 1) / step, false);
+  for (int row = 0; row < coarse.height; ++row)
+    for (int column = 0; column < coarse.width; ++column)
+      coarse.setPoint(row * coarse.width + column,
+                      cloud.point(row * step * cloud.width + column * step));
+  return coarse;
+}
+
 Cloud keepPoints(const Cloud& cloud, const Indices& indices) {
   Cloud kept(cloud.width, cloud.height, false);
   kept.rgb = cloud.rgb;

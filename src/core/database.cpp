@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <cstring>
 #include <map>
+#include <set>
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <sqlite3.h>
@@ -420,7 +421,13 @@ std::vector<std::string> ObjectDatabase::names() const {
 void ObjectDatabase::store(const ObjectModel& model) { store(std::vector<ObjectModel>{model}); }
 
 void ObjectDatabase::store(const std::vector<ObjectModel>& models) {
-  for (const auto& model : models) checkModel(model);
+  std::set<std::string> names;
+  for (const auto& model : models) {
+    checkModel(model);
+    if (!names.insert(model.name).second)
+      throw std::invalid_argument("two objects are named '" + model.name +
+                                  "', one of them would be lost");
+  }
   guarded(file_, [&] {
     SQLite::Transaction transaction(*db_, SQLite::TransactionBehavior::IMMEDIATE);
     for (const auto& model : models) {

@@ -10,6 +10,7 @@
 #include <unordered_map>
 
 #include <Eigen/Eigenvalues>
+#include <opencv2/imgproc.hpp>
 
 #include "voxel_key.h"
 
@@ -125,19 +126,26 @@ Eigen::Matrix3d principalAxes(const std::vector<Eigen::Vector3f>& points) {
   return solver.eigenvectors().rowwise().reverse();
 }
 
-/// As above, with one axis along `up`.
+/// Columns: the sides of the least rectangle about the points as seen along `up`, then `up`.
+/// Principal axes would be drawn aside wherever the camera sees more of one side than of the other.
 Eigen::Matrix3d uprightAxes(const std::vector<Eigen::Vector3f>& points, const Eigen::Vector3d& up) {
-  std::vector<Eigen::Vector3f> flat;
+  const Eigen::Vector3d u = up.unitOrthogonal(), v = up.cross(u);
+  const Eigen::Vector3d origin = points.front().cast<double>();  // near: OpenCV works in floats
+  std::vector<cv::Point2f> flat;
   flat.reserve(points.size());
   for (const auto& p : points) {
-    const Eigen::Vector3d d = p.cast<double>();
-    flat.push_back((d - up * up.dot(d)).cast<float>());
+    const Eigen::Vector3d d = p.cast<double>() - origin;
+    flat.emplace_back(static_cast<float>(u.dot(d)), static_cast<float>(v.dot(d)));
   }
-  Eigen::Matrix3d axes = principalAxes(flat);
+  std::array<cv::Point2f, 4> corners;
+  cv::minAreaRect(flat).points(corners.data());
+  const cv::Point2f a = corners[1] - corners[0], b = corners[2] - corners[1];
+  const cv::Point2f side = cv::norm(a) > cv::norm(b) ? a : b;
+  const Eigen::Vector3d along = side.x * u + side.y * v;
+  Eigen::Matrix3d axes;
+  axes.col(0) = along.norm() > 0 ? Eigen::Vector3d(along.normalized()) : u;
   axes.col(2) = up;
-  const Eigen::Vector3d across = axes.col(0) - up * up.dot(axes.col(0));
-  axes.col(0) = across.norm() > 1e-6 ? Eigen::Vector3d(across.normalized()) : up.unitOrthogonal();
-  axes.col(1) = axes.col(2).cross(axes.col(0));
+  axes.col(1) = up.cross(axes.col(0));
   return axes;
 }
 

@@ -5,129 +5,55 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <limits>
+#include <numeric>
 #include <sstream>
 #include <stdexcept>
 #include <string>
-#include <unordered_map>
-
-#include <assimp/config.h>
-#include <assimp/postprocess.h>
-#include <assimp/scene.h>
-#include <assimp/Importer.hpp>
+#include <tuple>
+#include <utility>
 
 namespace tabletop_perception {
 namespace {
 
 constexpr double MAX_DIAMETER = 2.0;   // [m]
 constexpr double MIN_DIAMETER = 0.01;  // [m]
+constexpr double SAME_PLACE = 1e-6;    // vertices are rounded to for one place [m]
 
-std::uint32_t packColor(const aiColor4D& c) {
-  const auto byte = [](float v) {
-    return static_cast<std::uint32_t>(std::lround(std::clamp(v, 0.0f, 1.0f) * 255));
+/// A number for every vertex, the same for those at the same place but for rounding.
+std::vector<int> placesOf(const std::vector<Eigen::Vector3f>& vertices) {
+  const auto place = [](const Eigen::Vector3f& v) {
+    return std::tuple(std::lround(v.x() / SAME_PLACE), std::lround(v.y() / SAME_PLACE),
+                      std::lround(v.z() / SAME_PLACE));
   };
-  return byte(c.r) << 16 | byte(c.g) << 8 | byte(c.b);
-}
-
-/// Adds triangles to a mesh; vertices of equal position and colour become one.
-class MeshBuilder {
- public:
-  int addVertex(const Eigen::Vector3f& position, std::uint32_t color) {
-    const auto [entry, is_new] = index_.try_emplace(
-        Key{position.x(), position.y(), position.z(), color}, mesh.vertices.size());
-    if (is_new) {
-      mesh.vertices.push_back(position);
-      mesh.colors.push_back(color);
-    }
-    return entry->second;
+  std::vector<int> order(vertices.size()), numbers(vertices.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(),
+            [&](int a, int b) { return place(vertices[a]) < place(vertices[b]); });
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const bool same = i > 0 && place(vertices[order[i]]) == place(vertices[order[i - 1]]);
+    numbers[order[i]] = same ? numbers[order[i - 1]] : order[i];
   }
-
-  Mesh mesh;
-
- private:
-  struct Key {
-    float x, y, z;
-    std::uint32_t color;
-    bool operator==(const Key& o) const {
-      return x == o.x && y == o.y && z == o.z && color == o.color;
-    }
-  };
-  struct Hash {
-    std::size_t operator()(const Key& k) const {
-      const std::hash<float> hash;
-      std::size_t h = k.color;
-      for (const float v : {k.x, k.y, k.z}) h = h * 0x9E3779B97F4A7C15u + hash(v);
-      return h;
-    }
-  };
-  std::unordered_map<Key, int, Hash> index_;
-};
-
-void addMesh(const aiMesh& part, const aiMatrix4x4& T_root_node, double unit,
-             MeshBuilder& builder) {
-  std::vector<int> index(part.mNumVertices, -1);
-  const auto vertex = [&](unsigned i) {
-    if (index[i] < 0) {
-      const aiVector3D p = T_root_node * part.mVertices[i] * static_cast<float>(unit);
-      const std::uint32_t color = part.HasVertexColors(0) ? packColor(part.mColors[0][i]) : 0;
-      index[i] = builder.addVertex({p.x, p.y, p.z}, color);
-    }
-    return index[i];
-  };
-  for (unsigned f = 0; f < part.mNumFaces; ++f) {
-    const aiFace& face = part.mFaces[f];
-    if (face.mNumIndices != 3) continue;  // points and lines
-    const int a = vertex(face.mIndices[0]);
-    const int b = vertex(face.mIndices[1]);
-    const int c = vertex(face.mIndices[2]);
-    builder.mesh.faces.emplace_back(a, b, c);
-  }
-}
-
-void addNode(const aiScene& scene, const aiNode& node, const aiMatrix4x4& T_root_parent,
-             double unit, MeshBuilder& builder) {
-  const aiMatrix4x4 T_root_node = T_root_parent * node.mTransformation;
-  for (unsigned m = 0; m < node.mNumMeshes; ++m)
-    addMesh(*scene.mMeshes[node.mMeshes[m]], T_root_node, unit, builder);
-  for (unsigned c = 0; c < node.mNumChildren; ++c)
-    addNode(scene, *node.mChildren[c], T_root_node, unit, builder);
-}
-
-/// Whether a .ply file has its header whole. Assimp never returns from one that is cut short in it.
-bool hasWholePlyHeader(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::string text(64 * 1024, '\0');
-  in.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(in.gcount()));
-  return text.find("end_header") != std::string::npos;
-}
-
-/// False for faces that speak of no vertex or of one that is not there, as a file that was cut
-/// short gives them. Assimp lets them pass and then aborts the process while it triangulates.
-bool hasSoundFaces(const aiMesh& part) {
-  return std::all_of(part.mFaces, part.mFaces + part.mNumFaces, [&](const aiFace& face) {
-    return face.mNumIndices > 0 && std::all_of(face.mIndices, face.mIndices + face.mNumIndices,
-                                               [&](unsigned i) { return i < part.mNumVertices; });
-  });
+  return numbers;
 }
 
 /// A kd-tree of boxes for the search of the farthest pair.
 class FarthestPair {
  public:
   explicit FarthestPair(const std::vector<Eigen::Vector3f>& points) : points_(points) {
-    nodes_.reserve(points.size());
+    best_ = sweep();
+    dropInner();
+    if (points_.empty()) return;
+    nodes_.reserve(points_.size());
     build(0, static_cast<int>(points_.size()));
+    search(0, 0);
   }
 
-  double squaredDistance() {
-    best_ = sweep();
-    search(0, 0);
-    return best_;
-  }
+  double squaredDistance() const { return best_; }
 
  private:
   static constexpr int LEAF = 8;
+  static constexpr double ROUNDING = 2e-7;  // of coordinates that are floats
   struct Node {
     Eigen::AlignedBox3f box;
     int begin, end;
@@ -165,6 +91,23 @@ class FarthestPair {
       from = farthest;
     }
     return best;
+  }
+
+  /// No point is farther from another than from the middle and from there to the rim: those for
+  /// which that is too little are left out. Of a ball, where all pairs across are equal, it is all.
+  void dropInner() {
+    Eigen::AlignedBox3f box;
+    for (const auto& p : points_) box.extend(p);
+    const Eigen::Vector3d middle = box.center().cast<double>();
+    const auto fromMiddle = [&](const Eigen::Vector3f& p) {
+      return (p.cast<double>() - middle).norm();
+    };
+    double rim = 0;
+    for (const auto& p : points_) rim = std::max(rim, fromMiddle(p));
+    const double enough = (1 + ROUNDING) * std::sqrt(best_) - rim;
+    points_.erase(std::remove_if(points_.begin(), points_.end(),
+                                 [&](const auto& p) { return fromMiddle(p) <= enough; }),
+                  points_.end());
   }
 
   static double bound(const Node& a, const Node& b) {
@@ -277,38 +220,23 @@ void checkObjectMesh(const Mesh& mesh) {
   throw std::invalid_argument(message.str());
 }
 
-Mesh readMesh(const std::filesystem::path& file, double unit) {
-  if (!std::filesystem::is_regular_file(file))
-    throw std::invalid_argument(file.string() + ": no such file");
-  Assimp::Importer importer;
-  // The axes of a .dae stay as its author wrote them, as everywhere in ROS.
-  importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
-  const auto refuse = [&file](const std::string& why) {
-    throw std::invalid_argument(file.string() + ": cannot be read as a mesh: " + why);
-  };
-  if (file.extension() == ".ply" && !hasWholePlyHeader(file))
-    refuse("it is no .ply file, or cut short in the header");
-  const aiScene* scene = importer.ReadFile(file.string(), 0);
-  if (!scene || !scene->mRootNode) {
-    const std::string why = importer.GetErrorString();
-    refuse(why.substr(0, why.find('\n')));
+std::size_t countOpenEdges(const Mesh& mesh) {
+  const std::vector<int> place = placesOf(mesh.vertices);
+  std::vector<std::pair<int, int>> edges;
+  edges.reserve(3 * mesh.faces.size());
+  for (const auto& face : mesh.faces)
+    for (int k = 0; k < 3; ++k) {
+      const auto ends = std::minmax(place[face[k]], place[face[(k + 1) % 3]]);
+      if (ends.first != ends.second) edges.emplace_back(ends);
+    }
+  std::sort(edges.begin(), edges.end());
+  std::size_t open = 0;
+  for (auto edge = edges.begin(); edge != edges.end();) {
+    const auto next = std::find_if(edge, edges.end(), [&](const auto& e) { return e != *edge; });
+    if (next - edge == 1) ++open;
+    edge = next;
   }
-  const auto sound = [](const aiMesh* part) { return hasSoundFaces(*part); };
-  if (!std::all_of(scene->mMeshes, scene->mMeshes + scene->mNumMeshes, sound))
-    refuse("it has faces without vertices; is it cut short?");
-  scene = importer.ApplyPostProcessing(aiProcess_Triangulate);
-  MeshBuilder builder;
-  addNode(*scene, *scene->mRootNode, aiMatrix4x4(), unit, builder);
-  Mesh mesh = std::move(builder.mesh);
-  const auto colored = [](const aiMesh* part) { return part->HasVertexColors(0); };
-  if (std::none_of(scene->mMeshes, scene->mMeshes + scene->mNumMeshes, colored))
-    mesh.colors.clear();
-  try {
-    checkObjectMesh(mesh);
-  } catch (const std::invalid_argument& error) {
-    throw std::invalid_argument(file.string() + ": " + error.what());
-  }
-  return mesh;
+  return open;
 }
 
 double diameterOf(const std::vector<Eigen::Vector3f>& vertices) {

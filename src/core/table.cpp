@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdarg>
 #include <cstdint>
-#include <cstdio>
 #include <iterator>
 #include <limits>
 #include <map>
 
 #include "convex_hull.h"
+#include "format.h"
 #include "plane_fit.h"
 #include "table_surface.h"
 #include "tabletop_perception/geometry.h"
@@ -39,25 +38,9 @@ constexpr double SIDE_REACH = 0.03;        // how far from the outline of its to
 constexpr double MIN_SIDE_SHARE = 0.3;     // of the outline with sides below: the top of a thing
 constexpr std::size_t CARRIED_STEP = 7;    // every so manieth point tells whether a table is bare
 
-std::string format(const char* text, ...) __attribute__((format(printf, 1, 2)));
-std::string format(const char* text, ...) {
-  char line[256];
-  va_list values;
-  va_start(values, text);
-  std::vsnprintf(line, sizeof line, text, values);
-  va_end(values);
-  return line;
-}
-
 /// Every few pixels of an organised cloud, about COARSE_COLUMNS in a row.
 Cloud coarseGridOf(const Cloud& cloud) {
-  const int step = std::max(1, (cloud.width + COARSE_COLUMNS / 2) / COARSE_COLUMNS);
-  Cloud coarse((cloud.width + step - 1) / step, (cloud.height + step - 1) / step, false);
-  for (int row = 0; row < coarse.height; ++row)
-    for (int column = 0; column < coarse.width; ++column)
-      coarse.setPoint(row * coarse.width + column,
-                      cloud.point(row * step * cloud.width + column * step));
-  return coarse;
+  return decimated(cloud, std::max(1, (cloud.width + COARSE_COLUMNS / 2) / COARSE_COLUMNS));
 }
 
 /// Mean viewing ray of a cloud: forward, whatever the camera's convention.

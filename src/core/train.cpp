@@ -3,11 +3,15 @@
 #include <algorithm>
 #include <atomic>
 #include <future>
+#include <set>
+#include <sstream>
 #include <stdexcept>
 
+#include "tabletop_perception/depth_sensor.h"
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/kd_tree.h"
 #include "tabletop_perception/normals.h"
+#include "tabletop_perception/random.h"
 #include "tabletop_perception/symmetry.h"
 
 namespace tabletop_perception {
@@ -17,9 +21,11 @@ constexpr double MODEL_LEAF = 0.003;           // spacing of the whole model's p
 constexpr double MODEL_NORMAL_RADIUS = 0.008;  // neighbourhood of its normals [m]
 constexpr float MIN_FACING = 0.35f;         // cosine to the line of sight; normals of surfaces that
                                             // are seen nearly edge-on may point inwards
-constexpr double VIEW_DISTANCE = 0.7;       // of the camera from a small object [m]
 constexpr double MIN_DISTANCE_RATIO = 1.5;  // of the camera to the diameter of a large one
 constexpr double MAX_OPENING = 0.25;        // of a surface seen all around; see isSeenAllAround
+
+constexpr double MIN_DISTANCE = 0.4, MAX_DISTANCE = 3;  // that views can be wanted from [m]
+constexpr std::uint64_t NOISE_SEED = 1;                 // the same mesh gives the same model
 
 /// The camera that meshes are rendered for: that of a Kinect.
 constexpr Projection KINECT{525, 525, 319.5, 239.5, 640, 480, 1};
@@ -53,21 +59,37 @@ std::vector<std::uint32_t> nearestColors(const Surface& surface,
   return nearest;
 }
 
-Seen look(const Cloud& cloud, const Eigen::Isometry3d& T_view_object,
-          const DescriptorOptions& options) {
-  const Eigen::Vector3f sensor = Eigen::Vector3f::Zero();
+const Eigen::Vector3f SENSOR = Eigen::Vector3f::Zero();  // where views were taken from
+
+std::vector<Eigen::Vector3f> pointsOf(const Cloud& cloud) {
   std::vector<Eigen::Vector3f> points;
-  std::vector<std::uint32_t> colors;
-  for (const int i : validIndices(cloud)) {
-    points.push_back(cloud.point(i));
-    if (cloud.colored()) colors.push_back(cloud.rgb[i]);
-  }
+  for (const int i : validIndices(cloud)) points.push_back(cloud.point(i));
+  return points;
+}
+
+/// What a camera saw of an object; without descriptors where that is too little.
+View describedView(const Cloud& cloud, const Eigen::Isometry3d& T_view_object,
+                   const DescriptorOptions& options) {
+  View view;
+  view.T_view_object = T_view_object;
+  const auto points = pointsOf(cloud);
+  if (points.empty()) return view;
+  view.surface = sampleSurface(points, options.leaf, options.normal_radius, SENSOR);
+  view.descriptors = describeSurface(view.surface, SENSOR, options);
+  return view;
+}
+
+/// A view described as it was `sensed`, and the part of the model's surface that `ideal` shows.
+Seen look(const Cloud& sensed, const Cloud& ideal, const Eigen::Isometry3d& T_view_object,
+          const DescriptorOptions& options) {
   Seen seen;
-  seen.view.T_view_object = T_view_object;
+  seen.view = describedView(sensed, T_view_object, options);
+  const auto points = pointsOf(ideal);
   if (points.empty()) return seen;
-  seen.view.surface = sampleSurface(points, options.leaf, options.normal_radius, sensor);
-  seen.view.descriptors = describeSurface(seen.view.surface, sensor, options);
-  const Surface fine = facing(sampleSurface(points, MODEL_LEAF, MODEL_NORMAL_RADIUS, sensor));
+  std::vector<std::uint32_t> colors;
+  if (ideal.colored())
+    for (const int i : validIndices(ideal)) colors.push_back(ideal.rgb[i]);
+  const Surface fine = facing(sampleSurface(points, MODEL_LEAF, MODEL_NORMAL_RADIUS, SENSOR));
   seen.colors = nearestColors(fine, points, colors);
   seen.surface = transformed(fine, T_view_object.inverse());
   return seen;
@@ -95,32 +117,48 @@ void assemble(std::vector<Seen> seen, ObjectModel& model) {
   if (colors.size() == all.size()) model.colors = nearestColors(model.surface, all.points, colors);
 }
 
-/// Where to render a mesh from.
-std::vector<Eigen::Isometry3d> posesAround(const Mesh& mesh, double diameter) {
+/// Where to render a mesh from: around it at one distance after the other.
+std::vector<Eigen::Isometry3d> posesAround(const Mesh& mesh, double diameter,
+                                           const std::vector<double>& distances) {
   Eigen::AlignedBox3f box;
   for (const auto& v : mesh.vertices) box.extend(v);
   const Eigen::Vector3d middle = box.center().cast<double>();
-  const double distance = std::max(VIEW_DISTANCE, MIN_DISTANCE_RATIO * diameter);
+  std::set<double> different;
+  for (const double wanted : distances)
+    different.insert(std::max(wanted, MIN_DISTANCE_RATIO * diameter));
   std::vector<Eigen::Isometry3d> poses;
-  for (const auto& direction : icosphereDirections()) {
-    Eigen::Isometry3d T_view_object = Eigen::Isometry3d::Identity();
-    T_view_object.linear() = rotationBetween(-direction, Eigen::Vector3d::UnitZ());
-    T_view_object.translation() =
-        distance * Eigen::Vector3d::UnitZ() - T_view_object.linear() * middle;
-    poses.push_back(T_view_object);
-  }
+  for (const double distance : different)
+    for (const auto& direction : icosphereDirections()) {
+      Eigen::Isometry3d T_view_object = Eigen::Isometry3d::Identity();
+      T_view_object.linear() = rotationBetween(-direction, Eigen::Vector3d::UnitZ());
+      T_view_object.translation() =
+          distance * Eigen::Vector3d::UnitZ() - T_view_object.linear() * middle;
+      poses.push_back(T_view_object);
+    }
   return poses;
+}
+
+/// A rendered view as the sensor would give it; each view has noise of its own.
+Cloud sensedView(const Cloud& ideal, const MeshRenderer& renderer,
+                 const Eigen::Isometry3d& T_view_object, std::size_t number) {
+  const DepthSensor sensor;
+  Random random(NOISE_SEED, number);
+  const Cloud projected = renderer.render(projectorPose(sensor) * T_view_object, KINECT);
+  return senseDepth(ideal, projected, KINECT, sensor, random);
 }
 
 /// Renders and describes all views on two threads, of which the caller's reports progress.
 std::vector<Seen> lookFromAll(const Mesh& mesh, const std::vector<Eigen::Isometry3d>& poses,
-                              const DescriptorOptions& options, const Progress& progress) {
+                              bool noise, const DescriptorOptions& options,
+                              const Progress& progress) {
   const MeshRenderer renderer(mesh);
   std::vector<Seen> seen(poses.size());
   std::atomic<std::size_t> next{0}, done{0};
   const auto work = [&](const Progress& report) {
     for (std::size_t i; (i = next++) < poses.size();) {
-      seen[i] = look(renderer.render(poses[i], KINECT), poses[i], options);
+      const Cloud ideal = renderer.render(poses[i], KINECT);
+      const Cloud sensed = noise ? sensedView(ideal, renderer, poses[i], i) : ideal;
+      seen[i] = look(sensed, ideal, poses[i], options);
       ++done;
       if (report) report(static_cast<double>(done) / static_cast<double>(poses.size()));
     }
@@ -151,13 +189,28 @@ ObjectModel begun(const std::string& name, const DescriptorOptions& options) {
 
 }  // namespace
 
+void checkMeshViews(const MeshViewOptions& options) {
+  if (options.distances.empty())
+    throw std::invalid_argument("no distance to look at the mesh from");
+  for (const double distance : options.distances)
+    if (!(distance >= MIN_DISTANCE && distance <= MAX_DISTANCE)) {
+      std::ostringstream message;
+      message << "distances of the views must be " << MIN_DISTANCE << " to " << MAX_DISTANCE
+              << " m, got " << distance;
+      throw std::invalid_argument(message.str());
+    }
+}
+
 ObjectModel trainFromMesh(const std::string& name, const Mesh& mesh,
-                          const DescriptorOptions& options, const Progress& progress) {
+                          const DescriptorOptions& options, const Progress& progress,
+                          const MeshViewOptions& view_options) {
   ObjectModel model = begun(name, options);
   checkObjectMesh(mesh);
+  checkMeshViews(view_options);
   model.origin = "mesh of " + std::to_string(mesh.faces.size()) + " faces";
   model.diameter = diameterOf(mesh.vertices);
-  assemble(lookFromAll(mesh, posesAround(mesh, model.diameter), options, progress), model);
+  const auto poses = posesAround(mesh, model.diameter, view_options.distances);
+  assemble(lookFromAll(mesh, poses, view_options.noise, options, progress), model);
   model.symmetry = detectSymmetry(model.surface);
   return model;
 }
@@ -169,8 +222,8 @@ ObjectModel trainFromViews(const std::string& name, const std::vector<TrainingVi
   model.origin = std::to_string(views.size()) + (views.size() == 1 ? " view" : " views");
   std::vector<Seen> seen;
   for (const TrainingView& view : views) {
-    seen.push_back(look(view.cloud, view.T_view_object, options));
-    if (seen.back().view.surface.empty())
+    seen.push_back(look(view.cloud, view.cloud, view.T_view_object, options));
+    if (validIndices(view.cloud).empty())
       throw std::invalid_argument("object '" + name + "': view " + std::to_string(seen.size()) +
                                   " of " + std::to_string(views.size()) + " has no points");
     if (progress) progress(static_cast<double>(seen.size()) / static_cast<double>(views.size()));

@@ -1,5 +1,6 @@
 #include "marker_messages.h"
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <map>
@@ -148,6 +149,45 @@ Cloud modelsAtPoses(const RecognizedObjectArray& objects, const ModelIndex& inde
   cloud.width = static_cast<int>(cloud.size());
   cloud.height = 1;
   return cloud;
+}
+
+visualization_msgs::MarkerArrayPtr pickMarkers(const PickedObject& picked) {
+  constexpr double AXIS_LENGTH = 0.08, AXIS_WIDTH = 0.006, HEAD_WIDTH = 0.012;  // [m]
+  constexpr double DISC_THICKNESS = 0.001;                                      // [m]
+  auto message = boost::make_shared<visualization_msgs::MarkerArray>();
+  message->markers.push_back(marker(picked.header, "", 0, Marker::CUBE, 0));
+  message->markers.back().action = Marker::DELETEALL;
+  if (!picked.success) return message;
+  MarkerOptions options;
+  message->markers.push_back(boxMarker(picked.object, options));
+
+  const auto addArrow = [&](const std::string& ns, int id, const geometry_msgs::Pose& pose,
+                            const Eigen::Vector3d& along, std::uint32_t color) {
+    Marker arrow = marker(picked.header, ns, id, Marker::ARROW, color);
+    arrow.pose = pose;
+    arrow.scale.x = AXIS_WIDTH;
+    arrow.scale.y = HEAD_WIDTH;
+    arrow.points = {messageFromPoint(Eigen::Vector3d::Zero()), messageFromPoint(along)};
+    message->markers.push_back(arrow);
+  };
+  constexpr std::array<std::uint32_t, 3> AXES = {0xff0000, 0x00ff00, 0x0000ff};
+  for (int axis = 0; axis < 3; ++axis)
+    addArrow("axes", axis, picked.pose, AXIS_LENGTH * Eigen::Vector3d::Unit(axis), AXES[axis]);
+  addArrow("approach", 0, picked.pregrasp, AXIS_LENGTH * Eigen::Vector3d::UnitZ(), TEXT_COLOR);
+
+  Marker disc = marker(picked.header, "plane", 0, Marker::CYLINDER, TABLE_COLOR);
+  const Eigen::Vector3d up(picked.plane[0], picked.plane[1], picked.plane[2]);
+  const Eigen::Vector3d middle = poseFromMessage(picked.object.box_pose).translation();
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  pose.linear() = rotationBetween(Eigen::Vector3d::UnitZ(), up);
+  pose.translation() = middle - (up.dot(middle) + picked.plane[3]) * up;
+  disc.pose = messageFromPose(pose);
+  disc.scale.x = disc.scale.y = 1.5 * std::max({picked.object.box_size.x, picked.object.box_size.y,
+                                                picked.object.box_size.z});
+  disc.scale.z = DISC_THICKNESS;
+  disc.color.a = 0.4f;
+  message->markers.push_back(disc);
+  return message;
 }
 
 }  // namespace tabletop_perception

@@ -13,5 +13,7 @@
 #undef Table
 
 #include <tabletop_perception/CandidateArray.h>
+#include <tabletop_perception/EstimatePoseAt.h>
 #include <tabletop_perception/GetObjectPose.h>
+#include <tabletop_perception/PickedObject.h>
 #include <tabletop_perception/RecognizedObjectArray.h>

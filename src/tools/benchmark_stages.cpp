@@ -6,7 +6,6 @@
 #include <chrono>
 #include <cmath>
 #include <fstream>
-#include <memory>
 #include <sstream>
 #include <utility>
 
@@ -24,17 +23,7 @@ namespace {
 constexpr double SLOW_MS = 300;
 constexpr int SLOW_RUNS = 5;
 
-/// Lets the allocator merge and sort what was freed, which it puts off until somebody asks for a
-/// large block: who runs next would pay for thousands of small blocks that the other side left.
-void tidyHeap() {
-  constexpr std::size_t LARGE = 1 << 20;
-  const auto block = std::make_unique<std::uint8_t[]>(LARGE);
-  asm volatile("" : : "r"(block.get()) : "memory");  // it cannot be left out
-}
-
-/// The heap's tidying is not counted.
 double millisecondsOf(const std::function<void()>& work) {
-  tidyHeap();
   const auto start = std::chrono::steady_clock::now();
   work();
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)

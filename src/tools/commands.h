@@ -18,6 +18,7 @@ void addTrain(CLI::App& app);
 void addObjects(CLI::App& app);
 void addSegment(CLI::App& app);
 void addRecognize(CLI::App& app);
+void addPick(CLI::App& app);
 void addSimulate(CLI::App& app);
 void addEvaluate(CLI::App& app);
 void addBenchmark(CLI::App& app);

@@ -86,13 +86,20 @@ nlohmann::ordered_json orNull(std::optional<double> value) {
 namespace {
 
 struct EvaluateArguments {
-  std::string labels, poses, models, results, report;
+  std::string labels, poses, picks, models, results, report, config;
   std::vector<std::string> unknown, by_add_s;
   double min_visible = 0;
   bool json = false, fit = false;
 };
 
 void evaluate(const EvaluateArguments& arguments) {
+  if (!arguments.picks.empty()) {
+    const auto options =
+        arguments.config.empty() ? PipelineOptions() : readPipelineOptions(arguments.config);
+    return evaluatePicks(arguments.picks, options, arguments.json);
+  }
+  if (arguments.results.empty())
+    throw std::invalid_argument("--results is required with --labels and --poses");
   checkFolder(arguments.results, "--results");
   if (!arguments.labels.empty())
     evaluateLabels(arguments.labels, arguments.results, arguments.json, arguments.report);
@@ -114,7 +121,16 @@ void addEvaluate(CLI::App& app) {
                     "scenes' categories");
   auto* poses = truth->add_option("--poses", arguments->poses,
                                   "folder of NAME/gt.json with the truth as poses");
+  auto* picks = truth->add_option(
+      "--picks", arguments->picks,
+      "folder of NAME.pcd with labels as above, or of NAME/ with label.png and gt.json: every "
+      "object of 1,000 points and more is picked at five pixels");
   truth->require_option(1);
+  command
+      ->add_option("--config", arguments->config,
+                   "picks: yaml file with a section per stage (default: built-in values)")
+      ->type_name("YAML")
+      ->needs(picks);
   auto* models = command->add_option("--models", arguments->models,
                                      "folder of OBJECT/mesh.ply [m]; models_info.json there may "
                                      "say the objects' symmetries");
@@ -145,13 +161,14 @@ void addEvaluate(CLI::App& app) {
   command
       ->add_option("--results", arguments->results,
                    "folder of NAME.pcd from segment --output, or NAME.json from recognize --output")
-      ->required();
+      ->excludes(picks);
   command->add_flag("--json", arguments->json, "print one JSON object (shares 0 to 1, metres)");
   command
       ->add_option("--report", arguments->report,
                    "write an HTML page with pictures of every scene to DIR/index.html; labels: "
                    "results without truth are shown too")
-      ->type_name("DIR");
+      ->type_name("DIR")
+      ->excludes(picks);
   command->footer(
       "Labels: F, precision and recall of the points that matched segments and objects share, as\n"
       "means over scenes; objects matched with an IoU of at least 0.75, over all scenes; IoU of\n"
@@ -160,6 +177,9 @@ void addEvaluate(CLI::App& app) {
       "ADD-S counts below 0.1 diameters, its AUC goes to 10 cm; precision is right / results.\n"
       "With depth images also the BOP Challenge's average recall; with visible_share in gt.json\n"
       "the right ones by visibility.\n"
+      "Picks: right where the points taken have an IoU of at least 0.5 with the object or with\n"
+      "the part of it that was pointed at; of those, z within 5 deg of the main surface's normal\n"
+      "and x within 10 deg of its longer side.\n"
       "Exit code: 0 done, 2 bad usage or unreadable input.\n"
       "Example: tabletop evaluate --labels truth --results segmented");
   command->callback([arguments] { evaluate(*arguments); });

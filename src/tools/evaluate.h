@@ -9,7 +9,9 @@
 
 #include <nlohmann/json.hpp>
 
-/// The two halves of `tabletop evaluate`, and what they share. All throw std::invalid_argument for
+#include "tabletop_perception/pipeline.h"
+
+/// The parts of `tabletop evaluate`, and what they share. All throw std::invalid_argument for
 /// input that is missing or not as it should be.
 namespace tabletop_perception::tools {
 
@@ -32,6 +34,11 @@ struct PoseEvaluation {
 
 /// Compares results with the truth in poses.
 void evaluatePoses(const PoseEvaluation& evaluation);
+
+/// Picks every object of labelled scenes at five pixels and prints how many picks took it and how
+/// many frames lie right. `truth`: a folder of .pcd files with labels, or of folders with label.png
+/// and gt.json.
+void evaluatePicks(const std::filesystem::path& truth, const PipelineOptions& options, bool json);
 
 /// Throws unless it is a folder. `option`: the name that it was given under.
 void checkFolder(const std::filesystem::path& folder, const std::string& option);

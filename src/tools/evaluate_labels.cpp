@@ -91,12 +91,13 @@ std::map<std::string, fs::path> resultsWithoutTruth(const fs::path& results,
   return files;
 }
 
-/// The scenes of a folder, in the order of gt_summary.json, then by name.
-std::vector<LabelledScene> listScenes(const fs::path& truth) {
-  checkFolder(truth, "--labels");
+}  // namespace
+
+std::vector<LabelledScene> labelledScenes(const fs::path& truth, const std::string& option) {
+  checkFolder(truth, option);
   auto files = pcdFiles(truth);
   if (files.empty())
-    throw std::invalid_argument("--labels must be a folder of .pcd files, there is none in " +
+    throw std::invalid_argument(option + " must be a folder of .pcd files, there is none in " +
                                 truth.string());
 
   std::vector<LabelledScene> scenes;
@@ -111,6 +112,8 @@ std::vector<LabelledScene> listScenes(const fs::path& truth) {
     scenes.push_back({name, categories.empty() ? "all" : "other", file, {}, {}});
   return scenes;
 }
+
+namespace {
 
 std::string sizeOf(const Cloud& cloud) {
   return std::to_string(cloud.width) + " x " + std::to_string(cloud.height);
@@ -195,7 +198,7 @@ void printJson(const std::vector<LabelledScene>& scenes) {
 
 void evaluateLabels(const fs::path& truth, const fs::path& results, bool json,
                     const fs::path& report) {
-  auto scenes = listScenes(truth);
+  auto scenes = labelledScenes(truth, "--labels");
   std::optional<LabelReport> page;
   if (!report.empty()) page.emplace(report);
   std::vector<std::string> names;

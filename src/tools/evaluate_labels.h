@@ -22,6 +22,11 @@ struct LabelledScene {
 /// Reads a .pcd; throws std::invalid_argument if it has no field `label`.
 PcdContents readLabels(const std::filesystem::path& file);
 
+/// The scenes of a folder of .pcd files, in the order of gt_summary.json, then by name. `option`:
+/// the name that it was given under.
+std::vector<LabelledScene> labelledScenes(const std::filesystem::path& truth,
+                                          const std::string& option);
+
 /// In the order of the scenes.
 std::vector<std::string> categoriesOf(const std::vector<LabelledScene>& scenes);
 

@@ -52,6 +52,7 @@ int main(int argc, char** argv) {
   addObjects(app);
   addSegment(app);
   addRecognize(app);
+  addPick(app);
   addSimulate(app);
   addEvaluate(app);
   addBenchmark(app);

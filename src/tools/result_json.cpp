@@ -21,11 +21,15 @@ ordered_json poseJson(const Eigen::Isometry3d& pose, const Eigen::Vector3d& sens
           {"orientation", {q.x(), q.y(), q.z(), q.w()}}};
 }
 
-ordered_json tableJson(const Table& table, const Eigen::Vector3d& sensor) {
+ordered_json planeJson(const Table& table, const Eigen::Vector3d& sensor) {
   const Eigen::Vector3d normal = table.plane.head<3>();
+  return {normal.x(), normal.y(), normal.z(), table.plane[3] - normal.dot(sensor)};
+}
+
+ordered_json tableJson(const Table& table, const Eigen::Vector3d& sensor) {
   auto hull = ordered_json::array();
   for (const auto& corner : hullInCamera(table)) hull.push_back(arrayOf(corner + sensor));
-  return {{"plane", {normal.x(), normal.y(), normal.z(), table.plane[3] - normal.dot(sensor)}},
+  return {{"plane", planeJson(table, sensor)},
           {"pose", poseJson(table.T_camera_table, sensor)},
           {"hull", hull},
           {"inliers", table.inliers.size()},
@@ -112,6 +116,32 @@ ordered_json recognitionJson(const Scene& scene, const Recognition& recognition)
 
 ordered_json segmentationJson(const Scene& scene, const Segmentation& segmentation) {
   return sceneJson(scene, segmentation, clusterObjects(segmentation), false, segmentation.times_ms);
+}
+
+ordered_json pickJson(const Scene& scene, const Found<Pick>& pick,
+                      const std::optional<SceneObject>& object) {
+  ordered_json json = {{"scene", scene.name}, {"frame_id", scene.frame_id}, {"stamp", scene.stamp}};
+  if (!pick) {
+    for (const char* key : {"plane", "frame", "pregrasp", "object"}) json[key] = nullptr;
+    json["reason"] = pick.reason;
+    return json;
+  }
+  SceneObject thing = object.value_or(SceneObject());
+  if (thing.name == "unknown") {
+    thing.labels = {2};
+    thing.points = static_cast<int>(pick->thing().size());
+    thing.box = pick->box;
+    thing.T_camera_object = pick->surface.T_camera_pick;
+    if (!object) thing.reason = "no database was given";
+  }
+  json["plane"] = planeJson(pick->table, scene.sensor);
+  json["frame"] = poseJson(pick->surface.T_camera_pick, scene.sensor);
+  json["extents"] = {pick->surface.extents.x(), pick->surface.extents.y()};
+  json["pregrasp"] = {{"pose", poseJson(pick->pregrasp.T_camera_gripper, scene.sensor)},
+                      {"width", pick->pregrasp.width}};
+  json.update(objectJson(1, thing, true, scene.sensor));
+  json["times_ms"] = timesJson(pick->times_ms);
+  return json;
 }
 
 std::string jsonLine(const ordered_json& json) {

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
 #include "scene_source.h"
+#include "tabletop_perception/pick_scene.h"
 #include "tabletop_perception/pipeline.h"
 
 namespace tabletop_perception::tools {
@@ -16,6 +18,12 @@ nlohmann::ordered_json recognitionJson(const Scene& scene, const Recognition& re
 
 /// What `segment --json` prints: the same without names and scores.
 nlohmann::ordered_json segmentationJson(const Scene& scene, const Segmentation& segmentation);
+
+/// What `pick --json` prints: the object, with the plane of its table and the frames to grasp it
+/// by. `object`: what it was recognised as, if that was asked. Where there is none: only the
+/// reason.
+nlohmann::ordered_json pickJson(const Scene& scene, const Found<Pick>& pick,
+                                const std::optional<SceneObject>& object);
 
 /// The `evidence` of an object, and back. Throws nlohmann::json::exception where a number is
 /// missing.

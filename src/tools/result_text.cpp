@@ -90,4 +90,45 @@ void printRecognition(const Scene& scene, const Recognition& recognition,
   printTimes(recognition.times_ms);
 }
 
+void printPick(const Scene& scene, const Found<Pick>& pick,
+               const std::optional<SceneObject>& object) {
+  std::printf("%s\n", scene.name.c_str());
+  if (!pick) {
+    std::printf("  reason: %s\n", pick.reason.c_str());
+    return;
+  }
+  const auto printPose = [&](const char* name, const Eigen::Isometry3d& pose) {
+    std::printf("  %-9s", name);
+    printVector(pose.translation() + scene.sensor, 3);
+    printVector(rollPitchYawDeg(pose.linear()), 1);
+    std::printf("\n");
+  };
+  std::printf("  %-9s  %-26s  %-26s\n", "", "position x y z [m]", "roll pitch yaw [deg]");
+  printPose("frame", pick->surface.T_camera_pick);
+  printPose("pregrasp", pick->pregrasp.T_camera_gripper);
+  const Eigen::Vector3d up = pick->table.plane.head<3>();
+  std::printf("  against gravity (%.3f, %.3f, %.3f), %zu points, surface %.0f x %.0f mm\n", up.x(),
+              up.y(), up.z(), pick->thing().size(), pick->surface.extents.x() * 1000,
+              pick->surface.extents.y() * 1000);
+  std::printf("  box %.0f x %.0f x %.0f mm, the gripper opens %.0f mm\n", pick->box.size.x() * 1000,
+              pick->box.size.y() * 1000, pick->box.size.z() * 1000, pick->pregrasp.width * 1000);
+  if (!object) return;
+  if (object->name == "unknown") {
+    std::printf("  unknown: %s\n", object->reason.c_str());
+    return;
+  }
+  std::printf("  score %.2f, seen %.0f %%, fitness %.1f mm\n", object->score, object->visible * 100,
+              object->fitness * 1000);
+  printPose(object->name.c_str(), object->T_camera_object);
+}
+
+void printTimeTable(const std::map<std::string, double>& times_ms, std::FILE* to) {
+  std::fprintf(to, "  %-9s %8s\n", "stage", "[ms]");
+  for (const char* stage :
+       {"decimate", "table", "window", "box", "cluster", "split", "color", "frame", "total"}) {
+    const auto time = times_ms.find(stage);
+    if (time != times_ms.end()) std::fprintf(to, "  %-9s %8.2f\n", stage, time->second);
+  }
+}
+
 }  // namespace tabletop_perception::tools

@@ -32,6 +32,7 @@ struct TrainArguments : SceneArguments {  // of which `json` is not used
   std::string database, name;
   std::string mesh;
   std::string unit = "m";
+  MeshViewOptions mesh_views;
   std::vector<std::string> clouds;
   std::string views;  ///< a folder of clouds
   std::vector<std::string> symmetry;
@@ -61,6 +62,18 @@ TrainingView viewOf(const PcdContents& contents) {
   return view;
 }
 
+/// The object's frame may be that of one camera, not of two.
+void checkPoses(const std::vector<std::string>& files, const std::vector<TrainingView>& views) {
+  std::vector<std::string> without;
+  for (std::size_t i = 0; i < views.size(); ++i)
+    if (views[i].T_view_object.isApprox(Eigen::Isometry3d::Identity())) without.push_back(files[i]);
+  if (without.size() > 1)
+    throw std::invalid_argument(
+        std::to_string(without.size()) + " of " + std::to_string(files.size()) +
+        " views without poses (" + without[0] + ", " + without[1] +
+        "): VIEWPOINT of each must be the camera's pose in the object's frame");
+}
+
 std::vector<TrainingView> readViews(const std::vector<std::string>& files) {
   std::vector<TrainingView> views;
   for (const auto& file : files) {
@@ -68,13 +81,7 @@ std::vector<TrainingView> readViews(const std::vector<std::string>& files) {
     if (validIndices(views.back().cloud).empty())
       throw std::invalid_argument(file + ": the cloud has no points");
   }
-  const auto has_no_pose = [](const TrainingView& view) {
-    return view.T_view_object.isApprox(Eigen::Isometry3d::Identity());
-  };
-  if (views.size() > 1 && std::all_of(views.begin(), views.end(), has_no_pose))
-    throw std::invalid_argument(
-        std::to_string(files.size()) + " views without poses (" + files.front() +
-        " and on): VIEWPOINT of each must be the camera's pose in the object's frame");
+  checkPoses(files, views);
   return views;
 }
 
@@ -130,7 +137,7 @@ TrainingView readLoneObject(const TrainArguments& arguments) {
 
 ObjectModel trainAsTold(const TrainArguments& arguments) {
   const DescriptorOptions options;
-  const auto train = [&](auto& from, const auto& source, const std::string& origin) {
+  const auto train = [&](const auto& from, const auto& source, const std::string& origin) {
     ProgressBar bar("training " + arguments.name);
     auto model = from(arguments.name, source, options, [&](double done) { bar.show(done); });
     model.origin = origin;
@@ -138,9 +145,20 @@ ObjectModel trainAsTold(const TrainArguments& arguments) {
   };
   const auto fileName = [](const std::string& path) { return fs::path(path).filename().string(); };
 
-  if (!arguments.mesh.empty())
-    return train(trainFromMesh, readMesh(arguments.mesh, arguments.unit == "mm" ? 0.001 : 1),
-                 "mesh " + fileName(arguments.mesh));
+  if (!arguments.mesh.empty()) {
+    const Mesh mesh = readMesh(arguments.mesh, arguments.unit == "mm" ? 0.001 : 1);
+    const auto look = [&](const auto&... what) {
+      return trainFromMesh(what..., arguments.mesh_views);
+    };
+    auto model = train(look, mesh, "mesh " + fileName(arguments.mesh));
+    if (!mesh.unread_texture.empty())
+      std::fprintf(stderr, "%s: cannot be read as an image, %s stays without its colours\n",
+                   mesh.unread_texture.c_str(), arguments.name.c_str());
+    if (const auto open = countOpenEdges(mesh))
+      std::fprintf(stderr, "%s: %zu open edges; where it has no surface the object is not known\n",
+                   arguments.mesh.c_str(), open);
+    return model;
+  }
   if (!arguments.scenes.empty())
     return train(trainFromViews, std::vector<TrainingView>{readLoneObject(arguments)},
                  "scene " + fileName(arguments.scenes[0]));
@@ -154,6 +172,7 @@ void train(const TrainArguments& arguments) {
   const auto start = std::chrono::steady_clock::now();
   // What would fail at the end is refused at once.
   checkObjectName(arguments.name);
+  checkMeshViews(arguments.mesh_views);
   const auto symmetry = joined(arguments.symmetry);
   if (!symmetry.empty()) declaredSymmetry(symmetry, Eigen::Vector3d::Zero());
   if (!fs::is_directory(fs::absolute(arguments.database).parent_path()))
@@ -211,6 +230,15 @@ void addTrain(CLI::App& app) {
 
   command->add_option("--unit", arguments->unit, "of the mesh: m or mm (default: m)")
       ->check(CLI::IsMember({"m", "mm"}))
+      ->needs(mesh);
+  command
+      ->add_option("--distances", arguments->mesh_views.distances,
+                   "of the camera from the mesh [m]: 80 views for each (default: 0.7)")
+      ->needs(mesh)
+      ->type_name("METRES");
+  command
+      ->add_flag("--noise", arguments->mesh_views.noise,
+                 "see the mesh with the noise, steps and gaps of a Kinect")
       ->needs(mesh);
   command
       ->add_option("--symmetry", arguments->symmetry,

@@ -222,6 +222,9 @@ TEST_F(Database, StoresAllObjectsOrNone) {
   broken.views[2].surface.points[3].x() = std::numeric_limits<float>::quiet_NaN();
   EXPECT_THROW(database.store({randomModel("milk", 1), broken}), std::invalid_argument);
   EXPECT_TRUE(database.names().empty());
+  EXPECT_THROW(database.store({randomModel("milk", 1), randomModel("milk", 2)}),
+               std::invalid_argument);
+  EXPECT_TRUE(database.names().empty());
   database.store({randomModel("milk", 1), randomModel("tea", 2)});
   EXPECT_EQ(database.names().size(), 2u);
 }

@@ -120,6 +120,19 @@ TEST(Geometry, ABoxIsUprightWhereUpIsKnown) {
   EXPECT_NEAR(box.T_camera_box.linear().determinant(), 1, 1e-6);
 }
 
+TEST(Geometry, AnUprightBoxOfWhichTwoSidesShowIsNotAskew) {
+  const Eigen::Isometry3d T = clouds::motion(70, {1, -2, 0.5}, {0.1, -0.2, 0.9});
+  std::vector<Eigen::Vector3f> seen;  // an L from above, of 8 x 6 cm
+  for (double height = 0; height <= 0.1001; height += 0.005) {
+    for (double x = 0; x <= 0.0801; x += 0.005)
+      seen.push_back((T * Eigen::Vector3d(x, 0, height)).cast<float>());
+    for (double y = 0; y <= 0.0601; y += 0.005)
+      seen.push_back((T * Eigen::Vector3d(0, y, height)).cast<float>());
+  }
+  const Box box = boxAround(seen, Eigen::Vector3d(T.linear().col(2)));
+  EXPECT_TRUE(box.size.isApprox(Eigen::Vector3d(0.1, 0.08, 0.06), 1e-3)) << box.size.transpose();
+}
+
 TEST(Geometry, ABoxHoldsItsPointsWithoutNan) {
   for (const int count : {1, 2, 3, 50})
     for (const bool with_up : {false, true}) {

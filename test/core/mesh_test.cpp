@@ -1,6 +1,7 @@
 #include "tabletop_perception/mesh.h"
 
 #include <gtest/gtest.h>
+#include <opencv2/imgcodecs.hpp>
 
 #include <cmath>
 #include <filesystem>
@@ -144,6 +145,76 @@ TEST_F(MeshFile, DaeNodeTransformsApplyAndAxesStay) {
   EXPECT_TRUE(mesh.vertices[0].isApprox(Eigen::Vector3f(0, 0, 0.5f), 1e-5f));
   EXPECT_TRUE(mesh.vertices[1].isApprox(Eigen::Vector3f(0.1f, 0, 0.5f), 1e-5f));
   EXPECT_TRUE(mesh.vertices[2].isApprox(Eigen::Vector3f(0, 0.2f, 0.5f), 1e-5f));
+}
+
+/// A square whose texture, two by two pixels, has a colour at every corner.
+const std::string TEXTURED_OBJ =
+    "mtllib square.mtl\nv 0 0 0\nv 0.1 0 0\nv 0.1 0.1 0\nv 0 0.1 0\n"
+    "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl picture\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+const std::string TEXTURED_MTL = "newmtl picture\nKd 1 1 1\nmap_Kd square.png\n";
+
+TEST_F(MeshFile, TextureColoursTheVertices) {
+  write("square.mtl", TEXTURED_MTL);
+  cv::Mat image(2, 2, CV_8UC3);  // blue, green, red; the first row is the upper one
+  image.at<cv::Vec3b>(0, 0) = {0, 0, 255};
+  image.at<cv::Vec3b>(0, 1) = {0, 255, 0};
+  image.at<cv::Vec3b>(1, 0) = {255, 0, 0};
+  image.at<cv::Vec3b>(1, 1) = {48, 32, 16};
+  cv::imwrite((folder_ / "square.png").string(), image);
+  const Mesh mesh = readMesh(write("square.obj", TEXTURED_OBJ), 1);
+  EXPECT_EQ(mesh.unread_texture, "");
+  ASSERT_EQ(mesh.vertices.size(), 4u);
+  ASSERT_EQ(mesh.colors.size(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const bool right = mesh.vertices[i].x() > 0, up = mesh.vertices[i].y() > 0;
+    EXPECT_EQ(mesh.colors[i],
+              up ? (right ? 0x00FF00u : 0xFF0000u) : (right ? 0x102030u : 0x0000FFu));
+  }
+}
+
+TEST_F(MeshFile, TextureRepeatsAndIsMixedBetweenItsPixels) {
+  write("square.mtl", TEXTURED_MTL);
+  cv::Mat image(1, 4, CV_8UC3, cv::Scalar(0, 0, 0));
+  image.at<cv::Vec3b>(0, 1) = {0, 0, 200};
+  cv::imwrite((folder_ / "square.png").string(), image);
+  const Mesh mesh =
+      readMesh(write("square.obj",
+                     "mtllib square.mtl\nv 0 0 0\nv 0.1 0 0\nv 0 0.2 0\n"
+                     "vt 0.375 0.5\nvt 2.375 -0.5\nvt 0.25 0.5\nusemtl picture\nf 1/1 2/2 3/3\n"),
+               1);
+  ASSERT_EQ(mesh.colors.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i)  // between two pixels it is the mean of them
+    EXPECT_EQ(mesh.colors[i], mesh.vertices[i].y() > 0 ? 0x640000u : 0xC80000u);
+}
+
+TEST_F(MeshFile, WithoutTheImageOfItsTextureAMeshHasNoColours) {
+  const auto obj = write("square.obj", TEXTURED_OBJ);
+  write("square.mtl", TEXTURED_MTL);
+  EXPECT_EQ(readMesh(obj, 1).unread_texture, (folder_ / "square.png").string());
+  EXPECT_TRUE(readMesh(obj, 1).colors.empty());
+  write("square.png", "no picture");
+  EXPECT_EQ(readMesh(obj, 1).unread_texture, (folder_ / "square.png").string());
+}
+
+TEST(CountOpenEdges, AClosedMeshHasNoneAndAHoleHasItsRim) {
+  Mesh box = boxMesh(Eigen::Vector3f(0.1f, 0.1f, 0.1f));
+  EXPECT_EQ(countOpenEdges(box), 0u);
+  box.faces.pop_back();
+  EXPECT_EQ(countOpenEdges(box), 3u);
+  box.faces.pop_back();
+  EXPECT_EQ(countOpenEdges(box), 4u);
+}
+
+TEST(CountOpenEdges, SeamsAreNotOpen) {
+  const Mesh box = boxMesh(Eigen::Vector3f(0.1f, 0.1f, 0.1f));
+  Mesh seams;  // every face with vertices of its own
+  for (const auto& face : box.faces) {
+    const int first = static_cast<int>(seams.vertices.size());
+    for (const int corner : face) seams.vertices.push_back(box.vertices[corner]);
+    seams.faces.emplace_back(first, first + 1, first + 2);
+  }
+  EXPECT_EQ(countOpenEdges(seams), 0u);
+  EXPECT_EQ(countOpenEdges(sphereMesh(0.05f, 20, 40)), 0u);  // at its poles vertices coincide
 }
 
 TEST_F(MeshFile, BadFilesAreRefusedByNameInOneLine) {

@@ -227,6 +227,18 @@ TEST(Pipeline, WhatIsNotInTheDatabaseStaysUnknown) {
   EXPECT_EQ(known, 1);
 }
 
+TEST(Pipeline, AModelLargerThanTheSceneIsNotFoundAndHindersNothing) {
+  const auto scene = scene::render({{"house", scene::house(), scene::standing(0, 0.1, 1)}});
+  const auto learnt = [](const std::string& name, const Mesh& mesh) {
+    return trainFromMesh(name, mesh, DescriptorOptions(), {});
+  };
+  const ModelIndex models(
+      {learnt("beam", scene::box(1.6, 0.1, 0.1)), learnt("house", scene::house())});
+  const Recognition recognition = recognizeScene(scene.cloud, scene.up, models, unsplit());
+  ASSERT_EQ(recognition.objects.size(), 1u);
+  EXPECT_EQ(recognition.objects[0].name, "house") << recognition.objects[0].reason;
+}
+
 TEST(Pipeline, WithoutADatabaseEverythingIsUnknown) {
   const auto scene = threeObjectsWithNoise();
   const Recognition recognition = recognizeScene(scene.cloud, scene.up, ModelIndex(), unsplit());

@@ -136,6 +136,38 @@ TEST(TrainFromMesh, SameMeshSameModel) {
     ASSERT_EQ(a.views[i].descriptors[0].values, b.views[i].descriptors[0].values);
 }
 
+TEST(TrainFromMesh, EveryDistanceGivesItsViews) {
+  MeshViewOptions views;
+  views.distances = {1.0, 0.6, 0.6};
+  const ObjectModel model = trainFromMesh("box", boxMesh(), DescriptorOptions(), SILENT, views);
+  ASSERT_EQ(model.views.size(), 160u);
+  const Eigen::Vector3d middle(0, 0, BOX_SIZE.z() / 2);
+  for (std::size_t i = 0; i < 160; ++i)
+    EXPECT_NEAR((model.views[i].T_view_object * middle).norm(), i < 80 ? 0.6 : 1.0, 1e-6);
+}
+
+TEST(TrainFromMesh, NoiseIsInTheViewsAndNotInTheModel) {
+  MeshViewOptions views;
+  views.noise = true;
+  const ObjectModel noisy = trainFromMesh("box", boxMesh(), DescriptorOptions(), SILENT, views);
+  const ObjectModel exact = trainFromMesh("box", boxMesh(), DescriptorOptions(), SILENT);
+  EXPECT_EQ(noisy.surface.points, exact.surface.points);
+  ASSERT_EQ(noisy.views.size(), 80u);
+  double squares = 0;
+  std::size_t points = 0;
+  for (const View& view : noisy.views)
+    for (const auto& p : transformed(view.surface, view.T_view_object.inverse()).points) {
+      squares += std::pow(distanceFromBox(p), 2);
+      ++points;
+    }
+  const double rms = std::sqrt(squares / points);
+  EXPECT_GT(rms, 0.0003);  // the mean of several pixels
+  EXPECT_LT(rms, 0.0014);  // a pixel's own noise at 0.7 m
+  const ObjectModel again = trainFromMesh("box", boxMesh(), DescriptorOptions(), SILENT, views);
+  for (std::size_t i = 0; i < 80; ++i)
+    ASSERT_EQ(noisy.views[i].surface.points, again.views[i].surface.points);
+}
+
 TEST(TrainFromMesh, ProgressGrowsToOne) {
   std::vector<double> told;
   trainFromMesh("box", boxMesh(), DescriptorOptions(), [&](double done) { told.push_back(done); });
@@ -144,6 +176,19 @@ TEST(TrainFromMesh, ProgressGrowsToOne) {
   EXPECT_GT(told.front(), 0);
   EXPECT_GT(told.back(), 0.9);
   EXPECT_LE(told.back(), 1);
+}
+
+TEST(TrainFromMesh, TwoMillionFacesAreLearntAsFewAre) {
+  const ObjectModel fine =
+      trainFromMesh("ball", scene::ball(0.05, 1416), DescriptorOptions(), SILENT);
+  EXPECT_EQ(fine.origin, "mesh of 2005056 faces");
+  const ObjectModel coarse =
+      trainFromMesh("ball", scene::ball(0.05, 144), DescriptorOptions(), SILENT);
+  EXPECT_EQ(fine.views.size(), 80u);
+  EXPECT_NEAR(fine.diameter, 0.1, 1e-6);
+  EXPECT_NEAR(static_cast<double>(fine.surface.size()), coarse.surface.size(),
+              0.02 * coarse.surface.size());
+  EXPECT_TRUE(fine.symmetry.continuous());
 }
 
 TEST(TrainFromMesh, WhatCannotBeAnObjectIsRefused) {
@@ -155,6 +200,10 @@ TEST(TrainFromMesh, WhatCannotBeAnObjectIsRefused) {
   EXPECT_NE(refusal("huge", scene::box(100, 60, 160)).find("--unit mm"), std::string::npos);
   const std::string pea = refusal("pea", scene::ball(0.006));
   EXPECT_NE(pea.find("'pea': no view shows 40 sampled points"), std::string::npos) << pea;
+  MeshViewOptions near;
+  near.distances = {0.7, 0.1};
+  EXPECT_EQ(refusalOf([&] { trainFromMesh("box", boxMesh(), DescriptorOptions(), SILENT, near); }),
+            "distances of the views must be 0.4 to 3 m, got 0.1");
   DescriptorOptions options;
   options.leaf = -1;
   EXPECT_NE(refusalOf([&] { trainFromMesh("box", boxMesh(), options, SILENT); }).find("leaf"),

@@ -12,8 +12,10 @@
 #include "tabletop_perception/ClusterConfig.h"
 #include "tabletop_perception/ColorConfig.h"
 #include "tabletop_perception/FilterConfig.h"
+#include "tabletop_perception/GraspConfig.h"
 #include "tabletop_perception/MarkersConfig.h"
 #include "tabletop_perception/MatchConfig.h"
+#include "tabletop_perception/PickConfig.h"
 #include "tabletop_perception/RefineConfig.h"
 #include "tabletop_perception/SplitConfig.h"
 #include "tabletop_perception/TableConfig.h"
@@ -116,6 +118,8 @@ TEST(Config, refineHasTheOptionsOfItsStruct) { expectSameFields<RefineConfig, Re
 TEST(Config, splitHasTheOptionsOfItsStruct) { expectSameFields<SplitConfig, SplitOptions>(); }
 TEST(Config, colorHasTheOptionsOfItsStruct) { expectSameFields<ColorConfig, ColorOptions>(); }
 TEST(Config, verifyHasTheOptionsOfItsStruct) { expectSameFields<VerifyConfig, VerifyOptions>(); }
+TEST(Config, pickHasTheOptionsOfItsStruct) { expectSameFields<PickConfig, PickOptions>(); }
+TEST(Config, graspHasTheOptionsOfItsStruct) { expectSameFields<GraspConfig, GraspOptions>(); }
 TEST(Config, markersHaveTheOptionsOfTheirStruct) {
   expectSameFields<MarkersConfig, MarkerOptions>();
 }

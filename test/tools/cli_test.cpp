@@ -127,7 +127,7 @@ TEST_F(TabletopProgram, TellsItsVersionAndHelpOnStdout) {
   const auto version = runTabletop("--version");
   EXPECT_EQ(version.exit_code, 0);
   EXPECT_EQ(version.out.rfind("tabletop ", 0), 0u);
-  for (const auto* command : {"", "segment", "recognize", "benchmark"}) {
+  for (const auto* command : {"", "segment", "recognize", "pick", "benchmark"}) {
     const auto help = runTabletop(std::string(command) + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     EXPECT_TRUE(help.err.empty()) << help.err;
@@ -406,6 +406,90 @@ TEST_F(TabletopProgram, RecognizeSaysWhyAThingIsUnknown) {
   EXPECT_EQ(objects[0]["name"], "unknown");
   EXPECT_EQ(objects[0]["pose"], objects[0]["box"]["pose"]);
   EXPECT_TRUE(objects[0]["reason"].is_string());
+}
+
+/// Words that point at a point.
+std::string pointAt(const Eigen::Vector3d& p) {
+  std::ostringstream text;
+  text << "--point " << p.x() << " " << p.y() << " " << p.z();
+  return text.str();
+}
+
+/// Words that point at the pixel of a point.
+std::string pixelAt(const Eigen::Vector3d& p) {
+  const Eigen::Vector2d pixel = scene::SceneOptions().projection.pixel(p);
+  std::ostringstream text;
+  text << "--pixel " << pixel.x() << " " << pixel.y();
+  return text.str();
+}
+
+/// The middle of the lower step of the stepped block, in the camera's frame.
+Eigen::Vector3d stepOf(const scene::SyntheticScene& three) {
+  return three.objects.at(2).T_camera_object * Eigen::Vector3d(0.035, 0, 0.04);
+}
+
+TEST_F(TabletopProgram, PickByPixelAndByPointGivesOneThingAndItsFrames) {
+  const auto pick = [&](const std::string& where) {
+    const auto ran = runTabletop("pick --json " + three_pcd_ + where);
+    EXPECT_EQ(ran.exit_code, 0) << ran.out;
+    return linesOf(ran.out).at(0);
+  };
+  const auto picked = pick(pixelAt(stepOf(three_)));
+  expectNullOnlyForReasons(picked, "");
+  EXPECT_EQ(picked["name"], "unknown");
+  EXPECT_EQ(picked["pose"], picked["frame"]);
+  EXPECT_GT(vectorOf(picked["plane"]).dot(three_.up), 0.999);
+  const Eigen::Vector3d from_thing = vectorOf(picked["pregrasp"]["pose"]["position"]) -
+                                     three_.objects[2].T_camera_object.translation();
+  EXPECT_LT(from_thing.cross(three_.up).norm(), 0.02);       // above it,
+  EXPECT_NEAR(from_thing.dot(three_.up), 0.14 + 0.1, 0.01);  // its height and the approach
+  EXPECT_NEAR(picked["pregrasp"]["width"].get<double>(), 0.12, 0.01);  // 10 cm and the margin
+  EXPECT_EQ(pick(pointAt(stepOf(three_)))["frame"], picked["frame"]);
+
+  const auto text = runTabletop("pick " + three_pcd_ + pixelAt(stepOf(three_)));
+  EXPECT_EQ(text.exit_code, 0);
+  for (const auto* part : {"frame", "pregrasp", "the gripper opens", "total"})
+    EXPECT_NE(text.out.find(part), std::string::npos) << part << " in\n" << text.out;
+}
+
+TEST_F(TabletopProgram, PickWithADatabaseNamesTheThing) {
+  {
+    ObjectDatabase database(folder_.file("objects.db"), ObjectDatabase::Mode::WRITE);
+    for (const auto& object : three_.objects)
+      database.store(trainFromMesh(object.name, object.mesh, DescriptorOptions(), [](double) {}));
+  }
+  const auto pick = "pick --json " + three_pcd_ + pixelAt(stepOf(three_)) + " --database " +
+                    folder_.file("objects.db") + " --model ";
+  const auto ran = runTabletop(pick + "steps");
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  const auto picked = linesOf(ran.out).at(0);
+  EXPECT_EQ(picked["name"], "steps") << ran.out;
+  const Eigen::Vector3d position = vectorOf(picked["pose"]["position"]);
+  EXPECT_LT((position - three_.objects[2].T_camera_object.translation()).norm(), 0.005);
+
+  const auto other = linesOf(runTabletop(pick + "house").out).at(0);
+  EXPECT_EQ(other["name"], "unknown");
+  EXPECT_TRUE(other["reason"].is_string());
+  EXPECT_EQ(other["frame"], picked["frame"]);
+  EXPECT_TRUE(refuses(pick + "horse", "holds no object 'horse'"));
+}
+
+TEST_F(TabletopProgram, PickSaysWhyThereIsNothing) {
+  const auto nothing = [&](const std::string& where, const std::string& reason) {
+    const auto ran = runTabletop("pick --json " + three_pcd_ + where);
+    EXPECT_EQ(ran.exit_code, 1) << ran.out;
+    const auto result = linesOf(ran.out).at(0);
+    EXPECT_TRUE(result["frame"].is_null());
+    EXPECT_NE(result["reason"].dump().find(reason), std::string::npos) << result;
+  };
+  nothing("--pixel 640 10", "outside the image of 640 x 480");
+  nothing("--pixel -3 10", "outside the image");
+  nothing(pointAt(stepOf(three_) + 0.2 * three_.up), "in the air");
+  nothing(pointAt(three_.T_camera_table * Eigen::Vector3d(-0.2, 0.1, 0)), "on the table");
+  EXPECT_TRUE(refuses("pick " + three_pcd_, "--pixel"));
+  EXPECT_TRUE(refuses("pick " + three_pcd_ + "--pixel 1", "--pixel"));
+  EXPECT_TRUE(refuses("pick " + three_pcd_ + "--pixel 1 2 --point 0 0 1", "--p"));
+  EXPECT_TRUE(refuses("pick " + three_pcd_ + "--pixel 1 2 --model house", "--database"));
 }
 
 TEST(Simulate, SameSeedGivesTheSameBytesAndScenesThatAreRead) {

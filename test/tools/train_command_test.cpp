@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -158,6 +159,82 @@ TEST_F(TrainCommand, ViewsWithoutPosesAreRefused) {
   EXPECT_EQ(train("--cloud " + folder_.file("a.pcd")).exit_code, 0);  // one needs none
 }
 
+TEST_F(TrainCommand, OneOfTheViewsMayHaveTheObjectsFrame) {
+  const auto a = writeView("a.pcd", 0.4, false), b = writeView("b.pcd", 3.5, false);
+  expectRefusal("--cloud " + writeView("c.pcd", 1) + " " + a + " " + b,
+                "2 of 3 views without poses (" + a + ", " + b + ")");
+  EXPECT_EQ(train("--cloud " + a + " " + folder_.file("c.pcd")).exit_code, 0);
+}
+
+TEST_F(TrainCommand, CloudsThatShowNothingAreRefused) {
+  PcdContents contents;
+  contents.cloud = Cloud(640, 480, false);
+  writePcd(folder_.file("nothing.pcd"), contents);
+  expectRefusal("--cloud " + writeView("a.pcd", 0.4) + " " + folder_.file("nothing.pcd"),
+                folder_.file("nothing.pcd") + ": the cloud has no points");
+  for (int i = 0; i < 5; ++i) contents.cloud.setPoint(i, {0.01f * i, 0, 0.7f});
+  writePcd(folder_.file("five.pcd"), contents);
+  const auto ran = train("--cloud " + folder_.file("five.pcd"));
+  EXPECT_EQ(ran.exit_code, 2);
+  EXPECT_NE(ran.err.find("object 'thing': no view shows 40 sampled points"), std::string::npos)
+      << ran.err;
+  EXPECT_FALSE(fs::exists(database_));
+}
+
+TEST_F(TrainCommand, AMeshWithAHoleIsLearntAndTheHoleTold) {
+  Mesh open = scene::bracket();
+  open.faces.pop_back();
+  const auto file = writeMesh("open.obj", open);
+  const auto ran = train("--mesh " + file);
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_NE(ran.err.find(file + ": 3 open edges"), std::string::npos) << ran.err;
+  EXPECT_EQ(stored().views.size(), 80u);
+  const auto closed = train("--mesh " + writeMesh("bracket.obj", scene::bracket()));
+  EXPECT_EQ(closed.err.find("open edges"), std::string::npos) << closed.err;
+}
+
+TEST_F(TrainCommand, AMissingTextureIsToldAndTheShapeLearnt) {
+  folder_.write("box.mtl", "newmtl picture\nmap_Kd box.png\n");
+  std::ifstream shape(writeMesh("shape.obj", scene::bracket()));
+  std::ostringstream obj;
+  obj << "mtllib box.mtl\nvt 0 0\nusemtl picture\n";
+  for (std::string word; shape >> word;)
+    if (word == "v" || word == "f") {
+      std::string a, b, c;
+      shape >> a >> b >> c;
+      const std::string vt = word == "f" ? "/1" : "";
+      obj << word << ' ' << a + vt << ' ' << b + vt << ' ' << c + vt << '\n';
+    }
+  const auto ran = train("--mesh " + folder_.write("box.obj", obj.str()));
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_NE(ran.err.find(folder_.file("box.png") + ": cannot be read as an image"),
+            std::string::npos)
+      << ran.err;
+  EXPECT_TRUE(stored().colors.empty());
+}
+
+TEST_F(TrainCommand, MeshesThatCannotBeObjectsAreRefused) {
+  const std::string header =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"
+      "property float y\nproperty float z\n";
+  expectRefusal("--mesh " + folder_.write("points.ply", header + "end_header\n"
+                                                                 "0 0 0\n0.1 0 0\n0 0.1 0\n"),
+                "points.ply: the mesh has no faces");
+  Mesh mesh = scene::bracket();
+  mesh.vertices[3].y() = std::numeric_limits<float>::quiet_NaN();
+  expectRefusal("--mesh " + writeMesh("nan.obj", mesh),
+                "nan.obj: the mesh has vertices that are "
+                "not finite");
+}
+
+TEST_F(TrainCommand, NoiseAndDistancesOfTheViewsCanBeChosen) {
+  const auto mesh = "--mesh " + writeMesh("bracket.obj", scene::bracket());
+  expectRefusal(mesh + " --distances 0.7 0.1", "0.4 to 3 m, got 0.1");
+  const auto ran = train(mesh + " --noise --distances 0.6 1");
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_EQ(stored().views.size(), 160u);
+}
+
 TEST_F(TrainCommand, LoneObjectOnATableIsLearntInTheFrameOfItsScene) {
   const auto scene = scene::render({{"house", scene::house(), scene::standing(0, 0, 0.5)}});
   const auto ran = train("--scene " + writeScene("lone.pcd", scene));
@@ -190,6 +267,8 @@ TEST_F(TrainCommand, BadUsageIsRefused) {
   expectRefusal(mesh + " --symmetry round", "\"round\"");
   expectRefusal(mesh + " --up 0 0 1", "--scene");
   expectRefusal("--views " + folder_.file("none"), "is not a folder");
+  expectRefusal(mesh + " --name other", "--name");
+  expectRefusal(mesh + " " + mesh, "--mesh");
   EXPECT_EQ(train(mesh, "'two words'").exit_code, 2);
 }
 

@@ -1,0 +1,258 @@
+#include "tabletop_perception/pick.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <string>
+
+#include "format.h"
+#include "plane_fit.h"
+#include "tabletop_perception/geometry.h"
+#include "tabletop_perception/normals.h"
+#include "tabletop_perception/planes.h"
+
+namespace tabletop_perception {
+namespace {
+
+constexpr double AT_EDGE = 0.01;           // of a cluster: its outermost points may lack [m]
+constexpr int SCAN_STEP = 4;               // of the pixels that a window is looked for among
+constexpr float FACING_COSINE = 0.866F;    // of a surface's points: 30 deg off its normal
+constexpr std::uint32_t SURFACE_SEED = 1;  // same points, same surface
+
+/// Why a pixel cannot be looked at; empty if it can.
+std::string pixelRefusal(const Eigen::Vector2d& pixel, int width, int height) {
+  const bool inside = pixel.x() > -0.5 && pixel.y() > -0.5 && pixel.x() < width - 0.5 &&
+                      pixel.y() < height - 0.5;  // not so for NaN
+  return inside ? ""
+                : format("pixel (%g, %g) is outside the image of %d x %d", pixel.x(), pixel.y(),
+                         width, height);
+}
+
+std::string noDepth(const Eigen::Vector2d& pixel, int window) {
+  return format("no depth within %d x %d pixels about (%g, %g)", window, window, pixel.x(),
+                pixel.y());
+}
+
+struct Nearest {
+  int index = -1;
+  float squared_distance = std::numeric_limits<float>::infinity();  ///< [m^2]
+
+  void offer(int i, float squared) {
+    if (squared < squared_distance) *this = {i, squared};
+  }
+  double distance() const { return std::sqrt(static_cast<double>(squared_distance)); }
+};
+
+float squaredDistance(const Cloud& cloud, int i, const Eigen::Vector3f& point) {
+  return (cloud.point(i) - point).squaredNorm();
+}
+
+/// Why a point that belongs to no cluster is no thing's. `seen`: what the camera saw there.
+std::string nothingAt(const Eigen::Vector3f& seen, const std::vector<Table>& tables,
+                      const TableOptions& options) {
+  const Table& table = tables[tableUnder(tables, seen)];
+  const double height = heightAbove(table, seen);
+  if (!isOver(table, seen, options.hull_margin))
+    return format("on nothing that stands on a table: beside it, %.2f m %s", std::abs(height),
+                  height < 0 ? "below its surface" : "above its surface");
+  if (std::abs(height) < options.min_height)
+    return format("on the table: %.3f m from its surface, things begin at %.3f m", std::abs(height),
+                  options.min_height);
+  if (height < 0) return format("on nothing that stands on a table: %.2f m below it", -height);
+  if (height > options.max_height)
+    return format("on nothing that stands on a table: %.2f m above it, limit %.2f", height,
+                  options.max_height);
+  return format("on something %.3f m above the table that is too small for a thing", height);
+}
+
+/// Turns an axis of a surface about: up where it rises, else away from the camera or to its left,
+/// whichever is more.
+Eigen::Vector3d directed(const Eigen::Vector3d& axis, const Table& table) {
+  constexpr double RISING = 0.5;  // sine of the angle above the table
+  const Eigen::Vector3d in_table = table.T_camera_table.linear().transpose() * axis;
+  Eigen::Index most = 2;
+  if (std::abs(in_table.z()) < RISING) in_table.head<2>().cwiseAbs().maxCoeff(&most);
+  return in_table[most] < 0 ? Eigen::Vector3d(-axis) : axis;
+}
+
+/// Of a plane's points, by their place in `thing`, those whose normals agree with it: not the strip
+/// of a side face that lies just as near to it. All where fewer than half do: normals are noise.
+Indices facingAlike(const Cloud& cloud, const Indices& thing, const Plane& plane) {
+  Cloud alone(cloud.width, cloud.height, false);  // what stands beside it bends no normal
+  for (const int i : thing) alone.setPoint(i, cloud.point(i));
+  const Normals normals = computeNormals(alone, Eigen::Vector3f::Zero(), NormalsOptions());
+  const Eigen::Vector3f z = plane.plane.head<3>().cast<float>();
+  Indices facing;
+  for (const int k : plane.points) {
+    const int i = thing[k];
+    const Eigen::Vector3f normal(normals.x[i], normals.y[i], normals.z[i]);
+    if (normal.dot(z) >= FACING_COSINE) facing.push_back(k);  // not so for NaN
+  }
+  return 2 * facing.size() >= plane.points.size() ? facing : plane.points;
+}
+
+}  // namespace
+
+Found<Eigen::Vector3f> pointAtPixel(const Cloud& cloud, const Eigen::Vector2d& pixel, int window) {
+  using FoundPoint = Found<Eigen::Vector3f>;
+  if (!cloud.organized())
+    return FoundPoint::none("the cloud is unorganised: a pixel needs a camera's projection");
+  const std::string refusal = pixelRefusal(pixel, cloud.width, cloud.height);
+  if (!refusal.empty()) return FoundPoint::none(refusal);
+  const int column = static_cast<int>(std::lround(pixel.x()));
+  const int row = static_cast<int>(std::lround(pixel.y()));
+  int nearest = -1, least = std::numeric_limits<int>::max();
+  const int half = window / 2;
+  for (int v = std::max(0, row - half); v <= std::min(cloud.height - 1, row + half); ++v)
+    for (int u = std::max(0, column - half); u <= std::min(cloud.width - 1, column + half); ++u) {
+      const int squared = (u - column) * (u - column) + (v - row) * (v - row);
+      if (squared >= least || !cloud.valid(v * cloud.width + u)) continue;
+      nearest = v * cloud.width + u;
+      least = squared;
+    }
+  if (nearest < 0) return FoundPoint::none(noDepth(pixel, window));
+  return cloud.point(nearest);
+}
+
+Found<Eigen::Vector3f> pointAtPixel(const Cloud& cloud, const Projection& projection,
+                                    const Eigen::Vector2d& pixel, int window) {
+  using FoundPoint = Found<Eigen::Vector3f>;
+  const std::string refusal = pixelRefusal(pixel, projection.width, projection.height);
+  if (!refusal.empty()) return FoundPoint::none(refusal);
+  struct Hit {
+    int point = -1;
+    double squared_pixels = std::numeric_limits<double>::infinity(), depth = 0;
+  } nearest;
+  for (const int i : validIndices(cloud)) {
+    const Eigen::Vector3d p = cloud.point(i).cast<double>();
+    const double depth = projection.forward * p.z();
+    if (!(depth > 0)) continue;
+    const Eigen::Vector2d offset = projection.pixel(p) - pixel;
+    if (offset.cwiseAbs().maxCoeff() > window / 2.0) continue;
+    const double squared = std::max(0.25, offset.squaredNorm());  // within the pixel all are equal
+    if (squared > nearest.squared_pixels ||
+        (squared == nearest.squared_pixels && depth >= nearest.depth))
+      continue;
+    nearest = {i, squared, depth};
+  }
+  if (nearest.point < 0) return FoundPoint::none(noDepth(pixel, window));
+  return cloud.point(nearest.point);
+}
+
+int CloudWindow::sourceOf(int i) const {
+  if (!cloud.organized()) return source[i];
+  return (row + i / cloud.width) * whole_width + column + i % cloud.width;
+}
+
+namespace {
+
+CloudWindow pointsAround(const Cloud& cloud, const Eigen::Vector3f& point, float squared_reach) {
+  CloudWindow window;
+  for (int i = 0; i < static_cast<int>(cloud.size()); ++i)
+    if (squaredDistance(cloud, i, point) <= squared_reach) window.source.push_back(i);  // not NaN
+  window.cloud = selectPoints(cloud, window.source);
+  return window;
+}
+
+/// Rows of the part of a grid one after the other.
+template <typename Value>
+std::vector<Value> partOf(const std::vector<Value>& values, int whole_width, int column, int row,
+                          int width, int height) {
+  std::vector<Value> part;
+  part.reserve(static_cast<std::size_t>(width) * height);
+  for (int v = row; v < row + height; ++v) {
+    const auto begin = values.begin() + static_cast<std::ptrdiff_t>(v) * whole_width + column;
+    part.insert(part.end(), begin, begin + width);
+  }
+  return part;
+}
+
+}  // namespace
+
+CloudWindow windowAround(const Cloud& cloud, const Eigen::Vector3f& point, double reach) {
+  const auto squared_reach = static_cast<float>(reach * reach);
+  if (!cloud.organized()) return pointsAround(cloud, point, squared_reach);
+  int left = cloud.width, right = -1, top = cloud.height, bottom = -1;
+  for (int v = 0; v < cloud.height; v += SCAN_STEP)
+    for (int u = 0; u < cloud.width; u += SCAN_STEP) {
+      if (!(squaredDistance(cloud, v * cloud.width + u, point) <= squared_reach)) continue;
+      left = std::min(left, u), right = std::max(right, u);
+      top = std::min(top, v), bottom = v;
+    }
+  CloudWindow window;
+  window.whole_width = cloud.width;
+  if (right < left) return window;
+  window.column = std::max(0, left - SCAN_STEP);
+  window.row = std::max(0, top - SCAN_STEP);
+  const int width = std::min(cloud.width, right + SCAN_STEP + 1) - window.column;
+  const int height = std::min(cloud.height, bottom + SCAN_STEP + 1) - window.row;
+  const auto part = [&](const auto& values) {
+    return partOf(values, cloud.width, window.column, window.row, width, height);
+  };
+  window.cloud.width = width;
+  window.cloud.height = height;
+  window.cloud.x = part(cloud.x);
+  window.cloud.y = part(cloud.y);
+  window.cloud.z = part(cloud.z);
+  if (cloud.colored()) window.cloud.rgb = part(cloud.rgb);
+  return window;
+}
+
+Found<int> clusterAt(const Cloud& cloud, const std::vector<Indices>& clusters,
+                     const Eigen::Vector3f& point, const std::vector<Table>& tables,
+                     const TableOptions& table_options, const PickOptions& options) {
+  Nearest seen;
+  for (int i = 0; i < static_cast<int>(cloud.size()); ++i)
+    seen.offer(i, squaredDistance(cloud, i, point));  // NaN is never nearer
+  if (seen.index < 0 || seen.distance() > options.max_distance)
+    return Found<int>::none(
+        seen.index < 0
+            ? format("in the air: the camera saw nothing within %.2f m of the point", options.reach)
+            : format("in the air: the nearest that the camera saw is %.3f m away, limit %.3f",
+                     seen.distance(), options.max_distance));
+  Nearest thing;
+  int cluster = -1;
+  for (std::size_t k = 0; k < clusters.size(); ++k)
+    for (const int i : clusters[k]) {
+      thing.offer(i, squaredDistance(cloud, i, point));
+      if (thing.index == i) cluster = static_cast<int>(k);
+    }
+  if (cluster >= 0 && thing.distance() <= seen.distance() + AT_EDGE) return cluster;
+  return Found<int>::none(nothingAt(cloud.point(seen.index), tables, table_options));
+}
+
+Found<GraspSurface> graspSurface(const Cloud& cloud, const Indices& thing, const Table& table,
+                                 const PickOptions& options) {
+  checkOptions("pick", options);
+  const Cloud points = selectPoints(cloud, thing);
+  const auto largest =
+      findLargestPlane(points, options.surface_distance, std::nullopt, SURFACE_SEED);
+  if (!largest || largest->points.empty())
+    return Found<GraspSurface>::none(format("its %zu points span no surface", thing.size()));
+  const Cloud facing = selectPoints(points, facingAlike(cloud, thing, *largest));
+  const auto fit = fitPlaneNear(facing, largest->plane, options.surface_distance);
+  const Eigen::Vector4d plane = fit ? fit->plane : largest->plane;
+  const Eigen::Vector3d middle = fit ? fit->centroid : largest->centroid;
+
+  GraspSurface surface;
+  surface.plane = plane[3] < 0 ? Eigen::Vector4d(-plane) : plane;  // the sensor is the origin
+  surface.points = static_cast<int>(facing.size());
+  const Eigen::Vector3d z = surface.plane.head<3>();
+  const Box sides = boxAround(pointsAt(facing, validIndices(facing)), z);
+  Eigen::Index thickness;
+  (sides.T_camera_box.linear().transpose() * z).cwiseAbs().maxCoeff(&thickness);
+  const Eigen::Index longer = thickness == 0 ? 1 : 0, shorter = thickness == 2 ? 1 : 2;
+  const Eigen::Vector3d x = directed(sides.T_camera_box.linear().col(longer), table);
+
+  surface.extents = {sides.size[longer], sides.size[shorter]};
+  const double height = heightAbove(table, middle.cast<float>());
+  const double sinking = z.dot(table.plane.head<3>());  // per metre of depth
+  const double depth =
+      sinking > 0 ? std::min(options.depth, std::max(0.0, height) / 2 / sinking) : options.depth;
+  surface.T_camera_pick.linear() << x, z.cross(x), z;
+  surface.T_camera_pick.translation() = middle - depth * z;
+  return surface;
+}
+
+}  // namespace tabletop_perception

@@ -1,0 +1,177 @@
+#include "tabletop_perception/pick_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <utility>
+
+#include "stop_watch.h"
+
+namespace tabletop_perception {
+namespace {
+
+constexpr int TABLE_COLUMNS =
+    320;  // of the image in which tables are looked for: enough for planes
+
+/// Options for every step-th pixel and row.
+TableOptions decimated(TableOptions options, int step) {
+  options.min_points = std::max(10, options.min_points / (step * step));
+  options.min_carried = std::max(1, options.min_carried / (step * step));
+  return options;
+}
+
+Indices withinReach(const Cloud& cloud, const Indices& indices, const Eigen::Vector3f& point,
+                    double reach) {
+  const auto squared_reach = static_cast<float>(reach * reach);
+  Indices near;
+  std::copy_if(indices.begin(), indices.end(), std::back_inserter(near),
+               [&](int i) { return (cloud.point(i) - point).squaredNorm() <= squared_reach; });
+  return near;
+}
+
+/// The cluster at the point and what hangs together with it, it first; what `watch` measures begins
+/// with the points on the tables.
+Found<std::vector<Indices>> clustersAt(const Cloud& cloud, const Eigen::Vector3f& point,
+                                       const std::vector<Table>& tables,
+                                       const PipelineOptions& options, StopWatch& watch) {
+  using FoundClusters = Found<std::vector<Indices>>;
+  const Indices standing =
+      withinReach(cloud, indicesOnTables(cloud, tables, options.table), point, options.pick.reach);
+  watch.lap("box");
+  const auto clusters = extractClusters(cloud, standing, options.cluster);
+  const auto whole = clusterAt(cloud, clusters, point, tables, options.table, options.pick);
+  watch.lap("cluster");
+  if (!whole) return FoundClusters::none(whole.reason);
+  auto parts = splitClusters(cloud, {clusters[*whole]}, options.split);
+  watch.lap("split");
+  parts = colorCorrected(cloud, parts, options.color);
+  const auto thing = clusterAt(cloud, parts, point, tables, options.table, options.pick);
+  watch.lap("color");
+  if (!thing) return FoundClusters::none(thing.reason);
+  std::rotate(parts.begin(), parts.begin() + *thing, parts.begin() + *thing + 1);
+  return parts;
+}
+
+Found<Pick> pickInWindow(Pick pick, const std::vector<Table>& tables,
+                         const PipelineOptions& options) {
+  StopWatch watch(pick.times_ms);
+  const Cloud& cloud = pick.window.cloud;
+  auto clusters = clustersAt(cloud, pick.point, tables, options, watch);
+  if (!clusters) return Found<Pick>::none(clusters.reason);
+  pick.clusters = std::move(*clusters.value);
+
+  const auto points = pointsAt(cloud, pick.thing());
+  pick.table = tables[tableUnder(tables, centroidOf(points))];
+  pick.table.inliers.clear();
+  const auto surface = graspSurface(cloud, pick.thing(), pick.table, options.pick);
+  if (!surface) return Found<Pick>::none(surface.reason);
+  pick.surface = *surface;
+  pick.box = boxAround(points, pick.table.plane.head<3>());
+  pick.pregrasp = pregraspAbove(pick.box, pick.table, options.grasp);
+  watch.lap("frame");
+  return pick;
+}
+
+/// Why nothing can be picked at a point, whatever the scene; empty if it can.
+std::string pointRefusal(const Eigen::Vector3f& point) {
+  return point.allFinite() ? "" : "the point is not finite";
+}
+
+/// Squared distance of a point from a model at its pose; infinite beyond the model's grid [m^2].
+float squaredDistance(const ModelIndex& index, const SceneObject& object,
+                      const Eigen::Vector3f& point) {
+  const int model = index.find(object.name);
+  if (model < 0) return std::numeric_limits<float>::infinity();
+  const Eigen::Vector3f p = object.T_camera_object.inverse().cast<float>() * point;
+  const int nearest = index.grid(model).nearest(p);
+  return nearest < 0 ? std::numeric_limits<float>::infinity()
+                     : (index.models()[model].surface.points[nearest] - p).squaredNorm();
+}
+
+/// Of the objects in a scene whose first cluster was picked the one at the point.
+SceneObject objectAt(const Pick& pick, const std::vector<Indices>& clusters,
+                     const ModelIndex& index, const PipelineOptions& options) {
+  constexpr std::uint32_t PICKED = 2;  // label of the first cluster
+  const Cloud& scene = pick.window.cloud;
+  const std::vector<Table> tables = {pick.table};
+  const auto proposals = proposeObjects(scene, clusters, tables, index, options.match);
+  const auto objects = decideObjects(scene, clusters, proposals, tables, index, options.match,
+                                     options.refine, options.verify);
+  const SceneObject* best = nullptr;
+  float least = 0;
+  for (const auto& object : objects) {
+    if (std::find(object.labels.begin(), object.labels.end(), PICKED) == object.labels.end())
+      continue;
+    const float squared = squaredDistance(index, object, pick.point);
+    if (best && squared >= least) continue;
+    best = &object;
+    least = squared;
+  }
+  if (best) return *best;
+  SceneObject unknown = unknownObject(scene, clusters.front(), PICKED, pick.table);
+  unknown.reason = "part of another object";
+  return unknown;
+}
+
+}  // namespace
+
+Indices pickedPoints(const Pick& pick) {
+  Indices points;
+  if (!pick.window.cloud.organized() && pick.window.source.empty()) return points;
+  for (const int i : pick.thing()) points.push_back(pick.window.sourceOf(i));
+  return points;
+}
+
+Found<Pick> pickThing(const Cloud& cloud, const Eigen::Vector3f& point,
+                      const std::vector<Table>& tables, const PipelineOptions& options) {
+  checkOptions("pick", options.pick);
+  const std::string refusal = pointRefusal(point);
+  if (!refusal.empty()) return Found<Pick>::none(refusal);
+  if (tables.empty()) return Found<Pick>::none("no table");
+  Pick pick;
+  StopWatch watch(pick.times_ms);
+  pick.point = point;
+  pick.window = windowAround(cloud, point, options.pick.reach);
+  watch.lap("window");
+  return pickInWindow(std::move(pick), tables, options);
+}
+
+Found<Pick> pickInScene(const Cloud& cloud, const Eigen::Vector3f& point,
+                        const std::optional<Eigen::Vector3d>& up, const PipelineOptions& options) {
+  checkOptions("pick", options.pick);
+  const std::string refusal = pointRefusal(point);
+  if (!refusal.empty()) return Found<Pick>::none(refusal);
+  Pick pick;
+  pick.point = point;
+  StopWatch watch(pick.times_ms);
+  const int step = cloud.organized() ? std::max(1, cloud.width / TABLE_COLUMNS) : 1;
+  const Cloud coarse = filterCloud(step > 1 ? decimated(cloud, step) : cloud, options.filter);
+  watch.lap("decimate");
+  const auto tables = findTables(coarse, up, decimated(options.table, step));
+  watch.lap("table");
+  if (!tables) return Found<Pick>::none("no table: " + tables.reason);
+
+  pick.window = windowAround(cloud, point, options.pick.reach);
+  pick.window.cloud = filterCloud(std::move(pick.window.cloud), options.filter);
+  if (options.filter.leaf_size > 0) pick.window.source.clear();
+  watch.lap("window");
+  return pickInWindow(std::move(pick), *tables, options);
+}
+
+SceneObject recognizePick(const Pick& pick, const ModelIndex& index,
+                          const PipelineOptions& options) {
+  SceneObject alone = objectAt(pick, {pick.thing()}, index, options);
+  if (alone.name != "unknown" || pick.clusters.size() == 1) return alone;
+  SceneObject among = objectAt(pick, pick.clusters, index, options);
+  return among.name != "unknown" ? among : alone;
+}
+
+void completePick(Pick& pick, const ObjectModel& model, const Eigen::Isometry3d& T_camera_object,
+                  const GraspOptions& options) {
+  pick.box =
+      boxAround(transformed(model.surface, T_camera_object).points, pick.table.plane.head<3>());
+  pick.pregrasp = pregraspAbove(pick.box, pick.table, options);
+}
+
+}  // namespace tabletop_perception
