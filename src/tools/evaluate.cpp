@@ -98,8 +98,6 @@ void evaluate(const EvaluateArguments& arguments) {
         arguments.config.empty() ? PipelineOptions() : readPipelineOptions(arguments.config);
     return evaluatePicks(arguments.picks, options, arguments.json);
   }
-  if (arguments.results.empty())
-    throw std::invalid_argument("--results is required with --labels and --poses");
   checkFolder(arguments.results, "--results");
   if (!arguments.labels.empty())
     evaluateLabels(arguments.labels, arguments.results, arguments.json, arguments.report);
@@ -115,10 +113,10 @@ void addEvaluate(CLI::App& app) {
   auto* command = app.add_subcommand("evaluate", "compare results with the truth");
   const auto arguments = std::make_shared<EvaluateArguments>();
   auto* truth = command->add_option_group("truth");
-  truth->add_option("--labels", arguments->labels,
-                    "folder of NAME.pcd with the truth as labels: 0 invalid, 1-9 table, 20-29 "
-                    "parts of object 1, 30-39 of object 2 ...; gt_summary.json there may say the "
-                    "scenes' categories");
+  auto* labels = truth->add_option(
+      "--labels", arguments->labels,
+      "folder of NAME.pcd with the truth as labels: 0 invalid, 1-9 table, 20-29 parts of object 1, "
+      "30-39 of object 2 ...; gt_summary.json there may say the scenes' categories");
   auto* poses = truth->add_option("--poses", arguments->poses,
                                   "folder of NAME/gt.json with the truth as poses");
   auto* picks = truth->add_option(
@@ -158,10 +156,12 @@ void addEvaluate(CLI::App& app) {
                  "print what the terms of the score should weigh for these results, which had to "
                  "be made with verify.min_score 0")
       ->needs(poses);
-  command
-      ->add_option("--results", arguments->results,
-                   "folder of NAME.pcd from segment --output, or NAME.json from recognize --output")
-      ->excludes(picks);
+  auto* results = command->add_option(
+      "--results", arguments->results,
+      "folder of NAME.pcd from segment --output, or NAME.json from recognize --output");
+  results->excludes(picks);
+  labels->needs(results);
+  poses->needs(results);
   command->add_flag("--json", arguments->json, "print one JSON object (shares 0 to 1, metres)");
   command
       ->add_option("--report", arguments->report,
