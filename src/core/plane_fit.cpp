@@ -17,7 +17,7 @@ namespace {
 
 constexpr int MAX_DRAWS = 2000;
 constexpr double CONFIDENCE = 0.999;  // that one draw had inliers alone
-constexpr int LANES = 16;             // points that a kernel takes at once
+constexpr int LANES = 8;              // points that a kernel takes at once: sums stay in registers
 constexpr std::size_t BLOCK = 4096;   // points summed in single precision before doubles take over
 constexpr std::size_t MARKS = 512;    // that are turned into indices at once
 constexpr std::size_t VALID_BLOCK = 64;  // points among which one of a sample is sought

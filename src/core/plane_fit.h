@@ -24,7 +24,7 @@ struct PlaneFit {
 inline int shareOf(std::size_t points) { return points > 100000 ? 3 : 1; }
 
 /// The plane of least squared distances of the points within `band` [m] of `near`; none for fewer
-/// than three of them. `share`: only every so manieth group of 16 points is looked at.
+/// than three of them. `share`: only every so manieth group of 8 points is looked at.
 std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& near, double band,
                                      int share = 1);
 
