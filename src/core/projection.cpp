@@ -8,7 +8,7 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr int SAMPLES = 2000;         // pixels that the fit looks at
+constexpr int SAMPLES = 4000;         // pixels that the fit looks at
 constexpr int MIN_SAMPLES = 50;       // fewer say nothing
 constexpr double MAX_RESIDUAL = 1.0;  // RMS [pixels]
 
