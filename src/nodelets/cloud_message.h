@@ -19,34 +19,47 @@
 namespace tabletop_perception {
 
 /// A cloud between nodelets, with a label per point or without. Nodelets of one manager pass it on
-/// as it is; to everybody else, in other processes or with other subscriptions, it is a
-/// sensor_msgs/PointCloud2, packed and unpacked only for them.
+/// as it is, some points of a cloud as their indices; to everybody else, in other processes or with
+/// other subscriptions, it is a sensor_msgs/PointCloud2, packed and unpacked only for them.
 class CloudMessage {
  public:
   CloudMessage() = default;  ///< for roscpp, to read into
   CloudMessage(const std_msgs::Header& header, Cloud cloud);
-  /// `cloud`, as it is in another message, with one label per point.
-  CloudMessage(const std_msgs::Header& header, std::shared_ptr<const Cloud> cloud,
-               std::vector<std::uint32_t> labels);
+  /// The same grid with only the points of another message's cloud that are among `indices`.
+  CloudMessage(const CloudMessage& whole, Indices indices);
+  /// Another message's cloud with one label per point.
+  CloudMessage(const CloudMessage& unlabelled, std::vector<std::uint32_t> labels);
 
   std_msgs::Header header;
 
   /// All throw std::invalid_argument when the message came packed and its fields and sizes do not
   /// add up (see unpackCloud), labels() also when it has none.
-  const Cloud& cloud() const { return *sharedCloud(); }
-  std::shared_ptr<const Cloud> sharedCloud() const;
+  const Cloud& cloud() const;
   const std::vector<std::uint32_t>& labels() const;
+
+  /// The valid points of cloud() as points of a cloud that may hold more, which spares to copy
+  /// them.
+  struct Points {
+    const Cloud& cloud;
+    Indices indices;
+  };
+  Points points() const;
 
  private:
   friend struct ros::serialization::Serializer<CloudMessage>;
 
   struct Content {
     std::optional<sensor_msgs::PointCloud2> packed;  ///< as it came; none when it was made here
-    std::once_flag cloud_unpacked, labels_unpacked;
-    std::shared_ptr<const Cloud> cloud;
-    std::optional<std::vector<std::uint32_t>> labels;
+    std::shared_ptr<Content> whole;                  ///< of which these are some points, or null
+    Indices indices;                                 ///< in `whole`
+    std::once_flag cloud_once, labels_once;          ///< guard what follows
+    Cloud cloud;
+    std::vector<std::uint32_t> labels;  ///< of those that came packed
   };
-  std::shared_ptr<Content> content_ = std::make_shared<Content>();  ///< copies share it
+  static const Cloud& cloudOf(Content& content);
+
+  std::shared_ptr<Content> content_ = std::make_shared<Content>();
+  std::shared_ptr<const std::vector<std::uint32_t>> labels_;
 };
 
 using CloudMessagePtr = boost::shared_ptr<CloudMessage>;
@@ -121,12 +134,11 @@ struct Serializer<tabletop_perception::CloudMessage> {
 
  private:
   static const std::vector<std::uint32_t>* labelsOf(const Message& message) {
-    const auto& labels = message.content_->labels;
-    return labels ? &*labels : nullptr;
+    return message.labels_.get();
   }
   static sensor_msgs::PointCloud2 layoutOf(const Message& message) {
     return tabletop_perception::layoutOf(message.cloud(), message.header,
-                                         message.content_->labels.has_value());
+                                         message.labels_ != nullptr);
   }
   static std::uint32_t bytesOf(const sensor_msgs::PointCloud2& layout) {
     return layout.row_step * layout.height;

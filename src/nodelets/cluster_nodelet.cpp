@@ -31,12 +31,12 @@ class ClusterNodelet : public StageNodelet {
 
   void onCloud(const CloudMessageConstPtr& message) {
     attempt([&] {
-      const Cloud& cloud = message->cloud();
+      const auto [cloud, standing] = message->points();
       const auto parts =
-          splitClusters(cloud, extractClusters(cloud, options_.cluster), options_.split);
+          splitClusters(cloud, extractClusters(cloud, standing, options_.cluster), options_.split);
       const auto clusters = colorCorrected(cloud, parts, options_.color);
-      clusters_pub_.publish(boost::make_shared<CloudMessage>(
-          message->header, message->sharedCloud(), labelsOf(cloud.size(), {}, clusters)));
+      clusters_pub_.publish(
+          boost::make_shared<CloudMessage>(*message, labelsOf(cloud.size(), {}, clusters)));
     });
   }
 

@@ -67,8 +67,7 @@ class TableNodelet : public StageNodelet {
 
       if (objects_pub_.getNumSubscribers() == 0) return;
       objects_pub_.publish(boost::make_shared<CloudMessage>(
-          message->header,
-          pointsOnTables(cloud, tables.value.value_or(std::vector<Table>()), options_)));
+          *message, indicesOnTables(cloud, tables.value.value_or(std::vector<Table>()), options_)));
     });
   }
 
