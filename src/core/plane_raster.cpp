@@ -169,7 +169,7 @@ std::vector<int> PlaneRaster::pointsByCell() const {
       for (std::size_t g = 0; g < stretches; ++g) ++counts[cells[g * COUNTED + l]];
     stretches = 0;
   };
-  const int share = 2 * shareOf(cloud_.size());
+  const int share = shareOf(cloud_.size());
   const auto width = static_cast<std::size_t>(cloud_.width);
   for (int row = 0; row < cloud_.height; ++row) {
     // Each row begins at another stretch: no column of pixels is left out.

@@ -34,7 +34,7 @@ class PlaneRaster {
 
   int cellOf(std::size_t point) const;
 
-  /// How many of a third of the points (of all, if they are not many) lie in each cell; none in
+  /// How many of a share of the points (of all, if they are not many) lie in each cell; none in
   /// cell 0.
   std::vector<int> pointsByCell() const;
 
