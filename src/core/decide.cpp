@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "marks.h"
 #include "settle_turn.h"
 #include "tabletop_perception/normals.h"
 
@@ -25,44 +26,20 @@ constexpr double MIN_LEFT_SHARE = 0.15;  // of a cluster that is worth another l
 
 /// The sampled points of all clusters.
 struct Standing {
-  std::vector<Surface> parts;        ///< smooth parts of the clusters, one after the other
-  std::vector<int> cluster_of_part;  ///< index of the cluster
+  std::vector<Surface> parts;         ///< smooth parts of the clusters, one after the other
+  std::vector<PlanarSurface> planar;  ///< the same, for kernels
+  std::vector<int> cluster_of_part;   ///< index of the cluster
 
   Standing(const Cloud& scene, const std::vector<Indices>& clusters,
            const DescriptorOptions& options) {
     for (std::size_t k = 0; k < clusters.size(); ++k)
       for (auto& part : smoothParts(sampleCluster(scene, clusters[k], options), options)) {
+        planar.emplace_back(part);
         parts.push_back(std::move(part));
         cluster_of_part.push_back(static_cast<int>(k));
       }
   }
 };
-
-/// Whether each point of each part is marked.
-using Marks = std::vector<std::vector<bool>>;
-
-Marks noMarks(const Standing& standing) {
-  Marks marks;
-  for (const auto& part : standing.parts) marks.emplace_back(part.size(), false);
-  return marks;
-}
-
-int countOf(const std::vector<bool>& marks) {
-  return static_cast<int>(std::count(marks.begin(), marks.end(), true));
-}
-
-int countOf(const Marks& marks) {
-  int count = 0;
-  for (const auto& of_part : marks) count += countOf(of_part);
-  return count;
-}
-
-int commonOf(const Marks& a, const Marks& b) {
-  int count = 0;
-  for (std::size_t p = 0; p < a.size(); ++p)
-    for (std::size_t i = 0; i < a[p].size(); ++i) count += a[p][i] && b[p][i];
-  return count;
-}
 
 void append(const Surface& from, std::size_t i, Surface& to) {
   to.points.push_back(from.points[i]);
@@ -104,7 +81,7 @@ class Decision {
         verify_(verify),
         observations_(scene, tables),
         standing_(scene, clusters, index.descriptorOptions()),
-        taken_(noMarks(standing_)),
+        taken_(standing_.parts),
         reasons_(clusters.size()) {}
 
   void judge(const Proposal& proposal) {
@@ -136,7 +113,7 @@ class Decision {
         continue;
       }
       const std::string refusal = marginRefusal(hypothesis);
-      take(hypothesis.explained);
+      taken_.mark(hypothesis.explained);
       if (refusal.empty()) {
         objects_.push_back(knownObject(settled, score));
         continue;
@@ -172,7 +149,7 @@ class Decision {
         if (!isMember(standing_.cluster_of_part[p], proposal.labels)) continue;
         Surface rest;
         for (std::size_t i = 0; i < standing_.parts[p].size(); ++i) {
-          if (taken_[p][i]) continue;
+          if (taken_.at(p, i)) continue;
           append(standing_.parts[p], i, rest);
           append(standing_.parts[p], i, all);
         }
@@ -225,20 +202,18 @@ class Decision {
         continue;
       }
       Hypothesis hypothesis{
-          model,
-          alignment->T_camera_object,
+          model, alignment->T_camera_object,
           verifyPose(index_, model, alignment->T_camera_object, parts, observation, verify_),
-          {},
-          0};
+          Marks(standing_.parts), 0};
       if (hypothesis.verification.score > best_score) {
         best_score = hypothesis.verification.score;
         reason = hypothesis.stands() ? "" : candidate.name + ": " + hypothesis.verification.reason;
       }
       if (!hypothesis.stands()) continue;
-      for (const auto& part : standing_.parts)
-        hypothesis.explained.push_back(
-            explainedPoints(index_, model, hypothesis.T_camera_object, part, verify_.tolerance));
-      hypothesis.points = countOf(hypothesis.explained);
+      for (std::size_t p = 0; p < standing_.parts.size(); ++p)
+        hypothesis.explained.mark(p, explainedPoints(index_, model, hypothesis.T_camera_object,
+                                                     standing_.planar[p], verify_.tolerance));
+      hypothesis.points = hypothesis.explained.count();
       hypotheses_.push_back(std::move(hypothesis));
     }
     return reason;
@@ -290,11 +265,12 @@ class Decision {
     Rival rival;
     for (const auto& other : hypotheses_) {
       if (other.model == best.model || !other.stands()) continue;
-      if (commonOf(other.explained, best.explained) < RIVAL_OVERLAP * best.points) continue;
       const double score =
           other.verification.score * std::min(1.0, static_cast<double>(other.points) / best.points);
       const double margin = best.verification.score - score;
-      if (margin < rival.margin) rival = {&other, margin};
+      if (margin >= rival.margin) continue;
+      if (commonOf(other.explained, best.explained) < RIVAL_OVERLAP * best.points) continue;
+      rival = {&other, margin};
     }
     return rival;
   }
@@ -318,20 +294,28 @@ class Decision {
     if (lowest < UNDERSIDE) return false;
     const Eigen::Vector3f up = table.plane.head<3>().cast<float>();
     std::vector<Eigen::Vector3f> foot;
-    for (const auto& p : surface)
-      if (heightAbove(table, p) < lowest + UNDERSIDE) foot.push_back(p);
+    Eigen::AlignedBox3f about;  // what carries it lies in there
+    for (const auto& p : surface) {
+      if (heightAbove(table, p) >= lowest + UNDERSIDE) continue;
+      foot.push_back(p);
+      about.extend(p);
+    }
+    const auto reach = Eigen::Vector3f::Constant(CARRIER_NEAR + 2 * UNDERSIDE);
+    about = Eigen::AlignedBox3f(about.min() - reach, about.max() + reach);
     const auto isUnder = [&](const Eigen::Vector3f& p) {
       const double height = heightAbove(table, p) - lowest;
-      if (height > CARRIER_NEAR / 2 || height < -UNDERSIDE) return false;
+      if (height > CARRIER_NEAR / 2 || height < -UNDERSIDE || !about.contains(p)) return false;
       return std::any_of(foot.begin(), foot.end(), [&](const Eigen::Vector3f& q) {
         return up.cross(p - q).norm() < CARRIER_NEAR;
       });
     };
     int under = 0;
     for (std::size_t k = 0; k < standing_.parts.size(); ++k)
-      for (std::size_t i = 0; i < standing_.parts[k].size(); ++i)
-        under += !hypothesis.explained[k][i] && isUnder(standing_.parts[k].points[i]);
-    return under >= MIN_CARRIER_POINTS;
+      for (std::size_t i = 0; i < standing_.parts[k].size(); ++i) {
+        under += !hypothesis.explained.at(k, i) && isUnder(standing_.parts[k].points[i]);
+        if (under == MIN_CARRIER_POINTS) return true;
+      }
+    return false;
   }
 
   std::string marginRefusal(const Hypothesis& best) const {
@@ -344,18 +328,12 @@ class Decision {
     return text;
   }
 
-  void take(const Marks& marks) {
-    for (std::size_t p = 0; p < marks.size(); ++p)
-      for (std::size_t i = 0; i < marks[p].size(); ++i)
-        if (marks[p][i]) taken_[p][i] = true;
-  }
-
   double shareOfCluster(const Marks& marks, std::size_t cluster) const {
     double marked = 0, all = 0;
-    for (std::size_t p = 0; p < marks.size(); ++p) {
+    for (std::size_t p = 0; p < standing_.parts.size(); ++p) {
       if (standing_.cluster_of_part[p] != static_cast<int>(cluster)) continue;
-      marked += countOf(marks[p]);
-      all += static_cast<double>(marks[p].size());
+      marked += marks.count(p);
+      all += static_cast<double>(standing_.parts[p].size());
     }
     return all > 0 ? marked / all : 0;
   }

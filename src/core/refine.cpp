@@ -1,6 +1,7 @@
 #include "tabletop_perception/refine.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <vector>
@@ -35,38 +36,58 @@ class Pairs {
   void find(const PlanarSurface& cluster, const NearestGrid& model,
             const Eigen::Isometry3d& T_object_camera, double max_distance, double trim) {
     const Eigen::Isometry3f T = T_object_camera.cast<float>();
-    squared_.clear();
-    for (std::size_t b = 0; b < blocks_.size(); ++b) {
+    for (std::size_t b = 0; b < blocks_.size(); ++b)
       model.correspond(cluster.blocks[b], T, static_cast<float>(max_distance * max_distance),
                        blocks_[b]);
-      for (const float squared : blocks_[b].squared)
-        if (std::isfinite(squared)) squared_.push_back(squared);
-    }
-    found_ = squared_.size();
-    farthest_ = -1;
-    const auto kept = static_cast<std::size_t>(std::ceil(trim * static_cast<double>(found_)));
-    if (kept == 0) return;
-    const auto last = squared_.begin() + static_cast<std::ptrdiff_t>(kept) - 1;
-    std::nth_element(squared_.begin(), last, squared_.end());
-    farthest_ = *last;
-    squared_.resize(kept);
+    keepNearest(trim, static_cast<float>(BINS / (max_distance * max_distance)));
   }
 
   int found() const { return static_cast<int>(found_); }
-  int kept() const { return static_cast<int>(squared_.size()); }
+  int kept() const { return static_cast<int>(kept_); }
   const std::vector<Correspondences>& blocks() const { return blocks_; }
   float farthest() const { return farthest_; }  ///< squared distance of those kept [m^2]
 
   double rms() const {
     double sum = 0;
-    for (const float squared : squared_) sum += squared;
-    return std::sqrt(sum / static_cast<double>(squared_.size()));
+    for (const auto& block : blocks_)
+      for (const float squared : block.squared) sum += squared <= farthest_ ? squared : 0;
+    return std::sqrt(sum / static_cast<double>(kept_));
   }
 
  private:
+  static constexpr int BINS = 64;  // of squared distances
+
+  /// Which are the nearest `trim` of them: counted in bins, sorted out in the last one alone.
+  void keepNearest(double trim, float bins_per_squared) {
+    std::array<std::size_t, BINS + 1> counts{};
+    const auto binOf = [&](float squared) {
+      return static_cast<int>(std::min(squared * bins_per_squared, static_cast<float>(BINS)));
+    };
+    found_ = 0;
+    for (const auto& block : blocks_)
+      for (const float squared : block.squared) {
+        const bool is_one = std::isfinite(squared);
+        found_ += is_one;
+        counts[is_one ? binOf(squared) : BINS] += is_one;
+      }
+    farthest_ = -1;
+    kept_ = static_cast<std::size_t>(std::ceil(trim * static_cast<double>(found_)));
+    if (kept_ == 0) return;
+    int last_bin = 0;
+    std::size_t before = 0;
+    while (before + counts[last_bin] < kept_) before += counts[last_bin++];
+    of_last_bin_.clear();
+    for (const auto& block : blocks_)
+      for (const float squared : block.squared)
+        if (std::isfinite(squared) && binOf(squared) == last_bin) of_last_bin_.push_back(squared);
+    const auto last = of_last_bin_.begin() + static_cast<std::ptrdiff_t>(kept_ - before) - 1;
+    std::nth_element(of_last_bin_.begin(), last, of_last_bin_.end());
+    farthest_ = *last;
+  }
+
   std::vector<Correspondences> blocks_;
-  std::vector<float> squared_;
-  std::size_t found_ = 0;
+  std::vector<float> of_last_bin_;
+  std::size_t found_ = 0, kept_ = 0;
   float farthest_ = -1;
 };
 
