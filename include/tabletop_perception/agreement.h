@@ -29,7 +29,9 @@ struct Observation {
   const Table* table = nullptr;                             ///< none: nothing is known of one
   std::optional<Projection> projection;                     ///< none: free space says nothing
   std::shared_ptr<const std::vector<SeenPoint>> sightings;  ///< per pixel, where it is known
-  std::shared_ptr<const KdTree> points;  ///< of the scene, where there is no projection
+  std::shared_ptr<const KdTree> points;          ///< of the scene, where there is no projection
+  std::shared_ptr<const Indices> point_indices;  ///< of these points in the scene
+  bool colored = false;  ///< whether the scene has colours to compare, and not greys alone
 };
 
 Observation observe(const Cloud& scene, const std::optional<Table>& table);
@@ -60,9 +62,12 @@ struct Agreement {
   double visible = 0;    ///< share of the model's surface facing the camera that the camera saw
   double hidden = 0;     ///< share of it that something nearer hides, or that has no depth
   double violation = 0;  ///< share of it through which the camera saw something behind
+  std::optional<double> color;  ///< likeness of the colours, where they were compared, 0 to 1
 
-  /// explained * visible / (visible + violation) * exp(-(fitness / tolerance)^2), 0 to 1.
+  /// explained * visible / (visible + violation) * exp(-(fitness / tolerance)^2) of the shape,
+  /// times what the colours leave of it: 0 to 1.
   double score(double tolerance) const;
+  double shapeScore(double tolerance) const;  ///< of the shape alone
 };
 
 /// `points`: in the camera's frame, with normals. `model`: index into those of `index`.

@@ -36,6 +36,15 @@ struct Cloud {
   void drop(std::size_t i) { x[i] = y[i] = z[i] = std::numeric_limits<float>::quiet_NaN(); }
 };
 
+/// Red, green and blue, 0 to 255.
+using Rgb = Eigen::Vector3f;
+
+/// Of 0x00RRGGBB.
+Rgb rgbOf(std::uint32_t color);
+
+/// Whether any point has a colour, and not a grey: a cloud of a camera without colours has none.
+bool hasHues(const Cloud& cloud);
+
 /// Indices of points in a cloud, ascending.
 using Indices = std::vector<int>;
 

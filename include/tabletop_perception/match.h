@@ -28,6 +28,7 @@ struct MatchOptions {
   int rolls = 24;                     ///< such turns per view; with "histogram" at most
   bool stands = true;  ///< every model is also tried in every way that it stands on the table
   bool parts = true;   ///< the smooth parts of a cluster that resembles nothing are matched too
+  bool color = true;   ///< colours count where both model and scene have them
   int max_candidates = 10;  ///< best initial poses kept per cluster, and per part of it
   int threads = 1;          ///< clusters matched at a time; the answers are the same
 
@@ -44,6 +45,7 @@ struct MatchOptions {
     visit("rolls", rolls, Range{1, 360});
     visit("stands", stands);
     visit("parts", parts);
+    visit("color", color);
     visit("max_candidates", max_candidates, Range{1, 1000});
     visit("threads", threads, Range{1, 64});
   }

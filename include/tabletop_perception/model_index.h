@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "tabletop_perception/cloud.h"
 #include "tabletop_perception/model.h"
 #include "tabletop_perception/nearest_grid.h"
 #include "tabletop_perception/sparse_model.h"
@@ -40,6 +41,8 @@ class ModelIndex {
   const std::vector<ObjectModel>& models() const { return models_; }
   const NearestGrid& grid(int model) const { return grids_[model]; }
   const SparseModel& sparse(int model) const { return sparse_[model]; }
+  /// The mean colours about the points of a model's surface; none of a model without colours.
+  const std::vector<Rgb>& colors(int model) const { return colors_[model]; }
 
   /// The options that every view was described with; clusters have to be described alike.
   const DescriptorOptions& descriptorOptions() const { return options_; }
@@ -57,6 +60,7 @@ class ModelIndex {
   std::vector<ObjectModel> models_;
   std::vector<NearestGrid> grids_;
   std::vector<SparseModel> sparse_;
+  std::vector<std::vector<Rgb>> colors_;
   std::map<std::string, Table> vectors_;
   std::vector<std::vector<std::optional<std::size_t>>> rolls_;  // rows, by model and view
   DescriptorOptions options_;

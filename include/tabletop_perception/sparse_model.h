@@ -35,6 +35,10 @@ struct SparseModel {
   std::vector<Stand> stands;  ///< the most probable first; none for a flat part of a surface
   std::vector<Eigen::Isometry3d> turns;  ///< motions after which it looks nearly as before, which
                                          ///< are no declared or continuous symmetry
+  std::vector<Eigen::Isometry3d> spins;  ///< about an axis of continuous symmetry, in steps, the
+                                         ///< identity first
+  std::vector<Eigen::Isometry3d> alike;  ///< all motions after which its shape is nearly the same,
+                                         ///< but the identity; about an axis in steps
 
   /// The side that is seen from a direction [unit, object to camera].
   const Side& sideTowards(const Eigen::Vector3f& direction) const;

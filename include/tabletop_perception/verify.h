@@ -19,6 +19,7 @@ struct VerifyOptions {
   double min_visible = 0.3;     ///< least share of the model's surface that the camera saw
   double max_sink = 0.02;       ///< deepest that a model may reach into the table [m]
   double max_violation = 0.25;  ///< largest share of the model that hides what the camera saw
+  bool color = true;            ///< colours count where both model and scene have them
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
@@ -30,6 +31,7 @@ struct VerifyOptions {
     visit("min_visible", min_visible, Range{0, 1});
     visit("max_sink", max_sink, Range{0, 1});
     visit("max_violation", max_violation, Range{0, 1});
+    visit("color", color);
   }
 };
 
@@ -56,6 +58,7 @@ struct Evidence {
   double margin = 1;    ///< lead of its agreement over that of the best other object there
   double lift = 0;      ///< of its lowest point above the table; 0 without a table and where
                         ///< something else carries it [m]
+  double turn = 1;      ///< probability of its turn among those that look nearly alike
 };
 
 /// The terms of the log odds that an object is what it is taken for, and their names: the evidence

@@ -13,8 +13,9 @@ namespace {
 
 constexpr int SIZE = PlanarBlock::SIZE;
 constexpr float NONE = std::numeric_limits<float>::quiet_NaN();
-constexpr float MIN_FACING = 0.3f;   // cosine to the line of sight; flatter surfaces count as this
-constexpr double DEPTH_SLACK = 1.5;  // of what is seen at an angle, in tolerances
+constexpr float MIN_FACING = 0.3f;  // cosine to the line of sight; flatter surfaces count as this
+constexpr double HALF_LIKENESS = 0.1;  // of colours that halve an agreement, about
+constexpr double DEPTH_SLACK = 1.5;    // of what is seen at an angle, in tolerances
 
 /// Calls visit(correspondences) for each block of points, at a pose of a model.
 template <typename Visit>
@@ -28,6 +29,12 @@ void visitCorrespondences(const ModelIndex& index, int model,
     index.grid(model).correspond(some, T_object_camera, max_squared, block);
     visit(block);
   }
+}
+
+/// What is left of an agreement in shape: 1 for equal colours, nearly so for those that a camera
+/// shows of the same thing, and little for others.
+double colorFactor(double likeness) {
+  return likeness * (1 + HALF_LIKENESS) / (likeness + HALF_LIKENESS);
 }
 
 bool isOne(const Correspondences& block, int i) { return std::isfinite(block.squared[i]); }
@@ -187,9 +194,11 @@ Observation withTable(Observation known, const Table* table) {
 }
 
 Observation withoutTable(const Cloud& scene, const std::optional<Projection>& projection) {
-  Observation observation{scene, nullptr, projection, nullptr, nullptr};
-  if (!observation.projection)
-    observation.points = std::make_shared<KdTree>(pointsAt(scene, validIndices(scene)));
+  Observation observation{scene, nullptr, projection, nullptr, nullptr, nullptr, hasHues(scene)};
+  if (!observation.projection) {
+    observation.point_indices = std::make_shared<Indices>(validIndices(scene));
+    observation.points = std::make_shared<KdTree>(pointsAt(scene, *observation.point_indices));
+  }
   return observation;
 }
 
@@ -215,6 +224,10 @@ const Observation& Observations::about(const Eigen::Vector3f& middle) const {
 }
 
 double Agreement::score(double tolerance) const {
+  return shapeScore(tolerance) * (color ? colorFactor(*color) : 1);
+}
+
+double Agreement::shapeScore(double tolerance) const {
   const double seen = visible + violation;
   const double misfit = fitness / tolerance;
   return seen > 0 ? explained * visible / seen * std::exp(-misfit * misfit) : 0;

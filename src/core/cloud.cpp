@@ -30,6 +30,19 @@ Cloud::Cloud(int width, int height, bool colored) : width(width), height(height)
   if (colored) rgb.assign(n, 0);
 }
 
+Rgb rgbOf(std::uint32_t color) {
+  return {static_cast<float>(color >> 16 & 255), static_cast<float>(color >> 8 & 255),
+          static_cast<float>(color & 255)};
+}
+
+bool hasHues(const Cloud& cloud) {
+  for (std::size_t i = 0; i < cloud.rgb.size(); ++i) {
+    const std::uint32_t color = cloud.rgb[i];
+    if (cloud.valid(i) && (color & 0xFFFF) != (color >> 8 & 0xFFFF)) return true;
+  }
+  return false;
+}
+
 Indices validIndices(const Cloud& cloud) {
   Indices valid(cloud.size());
   std::size_t count = 0;

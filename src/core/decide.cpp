@@ -12,10 +12,11 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr double REACH = 0.03;             // of points about a candidate that ICP sees [m]
-constexpr int MAX_SOURCE_POINTS = 600;     // that ICP looks at
-constexpr double MIN_PROMISE_RATIO = 0.6;  // of a candidate to the best one of its proposal
-constexpr double MIN_OWN_SHARE = 0.7;      // of an object's points that no other object explains
+constexpr double REACH = 0.03;                   // of points about a candidate that ICP sees [m]
+constexpr int MAX_SOURCE_POINTS = 600;           // that ICP looks at
+constexpr std::size_t MAX_COLORED_POINTS = 600;  // that turn it as its colours are
+constexpr double MIN_PROMISE_RATIO = 0.6;        // of a candidate to the best one of its proposal
+constexpr double MIN_OWN_SHARE = 0.7;  // of an object's points that no other object explains
 constexpr double RIVAL_OVERLAP = 0.5;  // share of an object's points that a rival explains as well
 constexpr double MIN_SHARE_OF_CLUSTER = 0.3;  // that an object explains if the cluster shows it
 constexpr double TAKEN_SHARE = 0.5;    // of a cluster that objects explain: it is no unknown thing
@@ -59,8 +60,9 @@ struct Hypothesis {
   Eigen::Isometry3d T_camera_object;
   Verification verification;
   Marks explained;
-  int points;      ///< that it explains
-  double rms = 0;  ///< distance of the points about it from its tangent planes [m]
+  int points;       ///< that it explains
+  double rms = 0;   ///< distance of the points about it from its tangent planes [m]
+  double turn = 1;  ///< probability of its turn among those that look nearly alike
 
   double worth() const { return verification.score * points; }
   bool stands() const { return verification.reason.empty(); }
@@ -126,17 +128,20 @@ class Decision {
 
   Evidence evidenceOf(const Hypothesis& hypothesis) const {
     const double leaf = index_.descriptorOptions().leaf;
-    return {hypothesis.verification.agreement, hypothesis.rms, hypothesis.points * leaf * leaf,
-            rivalOf(hypothesis).margin, liftOf(hypothesis)};
+    return {hypothesis.verification.agreement, hypothesis.rms,     hypothesis.points * leaf * leaf,
+            rivalOf(hypothesis).margin,        liftOf(hypothesis), hypothesis.turn};
   }
 
   /// Turns a nearly symmetric object the way that fits best.
   void settle(Hypothesis& hypothesis) const {
-    const auto settled = settleTurn(index_, hypothesis.model, hypothesis.T_camera_object,
-                                    pointsOfClusters(hypothesis), tables_, refine_);
+    const auto settled =
+        settleTurn(index_, hypothesis.model, hypothesis.T_camera_object,
+                   pointsOfClusters(hypothesis), coloredOf(hypothesis), tables_, refine_);
     if (!settled) return;
     hypothesis.T_camera_object = settled->T_camera_object;
     hypothesis.rms = settled->rms;
+    hypothesis.turn = settled->probability;
+    if (settled->color) hypothesis.verification.agreement.color = settled->color;
   }
 
   /// Matches what is left of clusters that objects were found in.
@@ -243,6 +248,17 @@ class Decision {
     return points;
   }
 
+  /// Some of the points that a hypothesis explains, with their colours where these are to count.
+  ColoredPoints coloredOf(const Hypothesis& hypothesis) const {
+    if (!verify_.color || index_.colors(hypothesis.model).empty()) return {};
+    std::vector<Eigen::Vector3f> points;
+    for (std::size_t p = 0; p < standing_.parts.size(); ++p)
+      for (std::size_t i = 0; i < standing_.parts[p].size(); ++i)
+        if (hypothesis.explained[p][i]) points.push_back(standing_.parts[p].points[i]);
+    if (points.empty()) return {};
+    return coloredPoints(observations_.about(centroidOf(points)), points, MAX_COLORED_POINTS);
+  }
+
   std::string scoreRefusal(const Hypothesis& hypothesis, double score) const {
     char text[200];
     std::snprintf(text, sizeof text, "%s: score %.2f, limit %.2f",
@@ -265,9 +281,14 @@ class Decision {
     Rival rival;
     for (const auto& other : hypotheses_) {
       if (other.model == best.model || !other.stands()) continue;
-      const double score =
-          other.verification.score * std::min(1.0, static_cast<double>(other.points) / best.points);
-      const double margin = best.verification.score - score;
+      const Agreement &a = best.verification.agreement, &b = other.verification.agreement;
+      const bool by_color = a.color && b.color;  // else the model with colours would be worse off
+      const auto scoreOf = [&](const Agreement& agreement) {
+        return by_color ? agreement.score(verify_.tolerance)
+                        : agreement.shapeScore(verify_.tolerance);
+      };
+      const double margin =
+          scoreOf(a) - scoreOf(b) * std::min(1.0, static_cast<double>(other.points) / best.points);
       if (margin >= rival.margin) continue;
       if (commonOf(other.explained, best.explained) < RIVAL_OVERLAP * best.points) continue;
       rival = {&other, margin};

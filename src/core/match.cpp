@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "tabletop_perception/refine.h"
+#include "tabletop_perception/surface_color.h"
 
 namespace tabletop_perception {
 namespace {
@@ -157,10 +158,12 @@ std::vector<Guess> best(std::vector<Guess> guesses, int limit, int of_one,
 }
 
 /// How well a guess agrees with some points and the picture, 0 to 1.
-double promiseOf(const Guess& guess, const PlanarSurface& probes, const Observation& observation,
-                 const ModelIndex& index, double tolerance) {
-  const Agreement agreement =
+double promiseOf(const Guess& guess, const PlanarSurface& probes, const ColoredPoints& colored,
+                 const Observation& observation, const ModelIndex& index, double tolerance) {
+  Agreement agreement =
       agreementOf(index, guess.model, guess.T_camera_object, probes, observation, tolerance);
+  agreement.color =
+      bestColorLikeness(index, guess.model, guess.T_camera_object, colored, tolerance);
   return agreement.score(tolerance) * (1 - HIDDEN_COST * agreement.hidden);
 }
 
@@ -174,9 +177,12 @@ std::vector<Candidate> mostPromising(std::vector<Guess> guesses, const Surface& 
   for (auto& guess : guesses)
     guess.promise = closenessOf(index, guess.model, guess.T_camera_object, few, COARSE);
   guesses = best(std::move(guesses), MAX_JUDGED, MAX_JUDGED, index);
-  for (auto& guess : guesses) guess.promise = promiseOf(guess, probes, observation, index, COARSE);
+  for (auto& guess : guesses)
+    guess.promise = promiseOf(guess, probes, {}, observation, index, COARSE);
   guesses = best(std::move(guesses), MAX_ALIGNED, MAX_ALIGNED_OF_ONE, index);
 
+  ColoredPoints colored;
+  if (options.color) colored = coloredPoints(observation, points.points, PROBES);
   RefineOptions coarse;
   coarse.max_iterations = 8;
   coarse.max_distance = 0.01;
@@ -185,7 +191,7 @@ std::vector<Candidate> mostPromising(std::vector<Guess> guesses, const Surface& 
     const auto alignment =
         refinePose(source, index.grid(guess.model), guess.T_camera_object, coarse);
     if (alignment) guess.T_camera_object = alignment->T_camera_object;
-    guess.promise = promiseOf(guess, probes, observation, index, FINE);
+    guess.promise = promiseOf(guess, probes, colored, observation, index, FINE);
   }
   std::vector<Candidate> candidates;
   for (const auto& guess : best(std::move(guesses), MAX_ALIGNED, MAX_ALIGNED, index)) {

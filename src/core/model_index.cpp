@@ -3,18 +3,36 @@
 #include <stdexcept>
 #include <utility>
 
+#include "tabletop_perception/kd_tree.h"
+
 namespace tabletop_perception {
 namespace {
 
 const char* const CAMERA_ROLL = "camera_roll";
-constexpr double GRID_CELL = 0.004;   // [m]
-constexpr double GRID_MARGIN = 0.04;  // beyond the farthest correspondence of ICP's start [m]
+constexpr double GRID_CELL = 0.004;     // [m]
+constexpr double COLOR_RADIUS = 0.005;  // over which colours are averaged [m]
+constexpr double GRID_MARGIN = 0.04;    // beyond the farthest correspondence of ICP's start [m]
 
 std::vector<double> valuesOf(DescriptorOptions options) {
   std::vector<double> values;
   options.visitFields(
       [&](const std::string&, auto& field, const auto&...) { values.push_back(field); });
   return values;
+}
+
+/// As coarse as a camera sees a print.
+std::vector<Rgb> meanColors(const ObjectModel& model) {
+  std::vector<Rgb> means;
+  if (model.colors.empty()) return means;
+  const KdTree tree(model.surface.points);
+  std::vector<KdTree::Neighbor> near;
+  for (const auto& p : model.surface.points) {
+    tree.within(p, COLOR_RADIUS, near);
+    Rgb sum = Rgb::Zero();
+    for (const auto& neighbor : near) sum += rgbOf(model.colors[neighbor.index]);
+    means.push_back(sum / static_cast<float>(near.size()));
+  }
+  return means;
 }
 
 }  // namespace
@@ -29,6 +47,7 @@ ModelIndex::ModelIndex(std::vector<ObjectModel> models) : models_(std::move(mode
                                   "of them again");
     grids_.emplace_back(model.surface, GRID_CELL, GRID_MARGIN);
     sparse_.push_back(makeSparse(model));
+    colors_.push_back(meanColors(model));
     rolls_.emplace_back(model.views.size());
     for (std::size_t v = 0; v < model.views.size(); ++v) {
       View& view = model.views[v];

@@ -8,23 +8,27 @@
 
 #include "tabletop_perception/model_index.h"
 #include "tabletop_perception/refine.h"
+#include "tabletop_perception/surface_color.h"
 #include "tabletop_perception/table.h"
 
 namespace tabletop_perception {
 
 struct SettledPose {
   Eigen::Isometry3d T_camera_object = Eigen::Isometry3d::Identity();
-  double rms = 0;  ///< distance of the points about it from its tangent planes [m]
+  double rms = 0;               ///< distance of the points about it from its tangent planes [m]
+  std::optional<double> color;  ///< likeness of the colours, where they were compared
+  double probability = 1;       ///< of this turn, among those that look nearly alike
 };
 
-/// Of all turns of a nearly symmetric object the one that fits its points and the table best.
-/// Another than the one at hand has to be the better by a fair gain in log likelihood, where points
-/// whose neighbours are off as they are count for less than independent ones. `points`: of the
-/// scene, in the order of their clusters; those about the object count [m]. `tables`: the main one
-/// first. None where no point is near the object.
+/// Of all turns of a nearly symmetric object the one that fits its points, their colours and the
+/// table best, turned about an axis of symmetry as the colours have it.
+/// `points`: of the
+/// scene, in the order of their clusters; those about the object count [m]. `colored`: some of
+/// them, or none. `tables`: the main one first. None where no point is near the object.
 std::optional<SettledPose> settleTurn(const ModelIndex& index, int model,
                                       const Eigen::Isometry3d& T_camera_object,
                                       const std::vector<Eigen::Vector3f>& points,
+                                      const ColoredPoints& colored,
                                       const std::vector<Table>& tables,
                                       const RefineOptions& refine);
 

@@ -24,6 +24,7 @@ constexpr double MIN_PROBABILITY = 0.01;  // of a stand that is worth a look
 constexpr int MAX_STANDS = 12;
 constexpr double SAME_STAND = 0.17;  // stands that tilt less from each other are one [rad]
 constexpr int YAWS = 24;             // turns about the vertical, within the reach of ICP
+constexpr int SPINS = 24;            // turns about an axis of symmetry
 constexpr double SAME_YAW = 0.13;    // turns nearer than this are one, up to the symmetry [rad]
 constexpr float NEARLY_THE_SAME = 0.01f;  // from where a turned model's surface was [m]
 constexpr double MIN_NEARLY_SAME = 0.9;   // share of the surface that is so after a near symmetry
@@ -240,6 +241,29 @@ std::vector<Eigen::Isometry3d> nearSymmetries(const ObjectModel& model, const Su
   return turns;
 }
 
+std::vector<Eigen::Isometry3d> spinsOf(Symmetry symmetry) {
+  symmetry.rotations.clear();
+  return symmetryMotions(symmetry, SPINS);
+}
+
+/// The symmetry's motions and the turns, one after the other and one upon the other.
+std::vector<Eigen::Isometry3d> motionsAlike(const Symmetry& symmetry,
+                                            const std::vector<Eigen::Isometry3d>& turns) {
+  std::vector<Eigen::Isometry3d> alike;
+  const auto add = [&](const Eigen::Isometry3d& motion) {
+    const auto same = [&](const Eigen::Isometry3d& other) {
+      return angleOf(other.linear().transpose() * motion.linear()) < SAME_YAW;
+    };
+    if (angleOf(motion.linear()) >= SAME_YAW && std::none_of(alike.begin(), alike.end(), same))
+      alike.push_back(motion);
+  };
+  for (const auto& motion : symmetryMotions(symmetry, SPINS)) {
+    add(motion);
+    for (const auto& turn : turns) add(turn * motion);
+  }
+  return alike;
+}
+
 }  // namespace
 
 const SparseModel::Side& SparseModel::sideTowards(const Eigen::Vector3f& direction) const {
@@ -254,6 +278,8 @@ SparseModel makeSparse(const ObjectModel& model) {
     sparse.sides.push_back(sideOf(model.surface, sparse.surface, direction.cast<float>()));
   sparse.stands = standsOf(model);
   sparse.turns = nearSymmetries(model, sparse.surface);
+  sparse.spins = spinsOf(model.symmetry);
+  sparse.alike = motionsAlike(model.symmetry, sparse.turns);
   return sparse;
 }
 

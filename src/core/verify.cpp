@@ -5,18 +5,23 @@
 #include <cstdio>
 
 #include "tabletop_perception/logistic.h"
+#include "tabletop_perception/surface_color.h"
 
 namespace tabletop_perception {
 namespace {
 
 // Of the terms of the score. `tabletop evaluate --fit` prints what they should be for given scenes;
 // docs/evaluation.md says which of them are in use and why.
-constexpr int TERMS = 9;
-constexpr double WEIGHTS[TERMS] = {6.6, 8.8, 16.6, 0, -0.81, 0, 0, 0, -19.7};
+constexpr int TERMS = 10;
+constexpr double WEIGHTS[TERMS] = {6.6, 8.8, 16.6, 0, -0.81, 0, 0, 0, -19.7, 5};
 constexpr double LEAST_SHARE = 0.01;   // smaller ones are as unlikely
 constexpr double LEAST_AREA = 1e-4;    // [m^2]
 constexpr double TABLE_ERROR = 0.012;  // of the table's height where a thing stands [m]
 
+constexpr double LEAST_LIKENESS = 0.05;  // of colours; less is as unlikely
+constexpr double FULL_LIKENESS = 0.5;    // more is as likely
+
+constexpr std::size_t MAX_COLORED = 300;  // points whose colours are compared
 constexpr double MIN_TOUCHED = 0.2;  // share of a part that a model explains if it shows the model
 
 double square(double x) { return x * x; }
@@ -25,6 +30,11 @@ double square(double x) { return x * x; }
 /// to 1.
 double offTable(double lift) {
   return std::clamp((std::abs(lift) - TABLE_ERROR) / TABLE_ERROR, 0.0, 1.0);
+}
+
+/// How far colours are from as alike as a camera shows those of the same thing: 0, or less.
+double unlike(double color) {
+  return std::log(std::clamp(color, LEAST_LIKENESS, FULL_LIKENESS) / FULL_LIKENESS);
 }
 
 /// The points of the parts that a model touches; of all parts if it touches none.
@@ -85,6 +95,10 @@ Verification verifyPose(const ModelIndex& index, int model,
   Verification verification;
   verification.agreement =
       agreementOf(index, model, T_camera_object, touched, observation, options.tolerance);
+  if (options.color && !index.colors(model).empty())
+    verification.agreement.color = bestColorLikeness(
+        index, model, T_camera_object, coloredPoints(observation, touched.points, MAX_COLORED),
+        options.tolerance);
   if (observation.table)
     verification.sink = sinkOf(index.sparse(model).surface, T_camera_object, *observation.table);
   verification.score = verification.agreement.score(options.tolerance);
@@ -101,18 +115,18 @@ Eigen::VectorXd scoreTerms(const Evidence& evidence) {
   terms << 1, logOf(agreement.explained), logOf(not_seen_through), logOf(agreement.visible),
       square(1000 * evidence.rms), square(1000 * agreement.fitness),
       std::log(std::max(LEAST_AREA, evidence.area) / LEAST_AREA), logOf(evidence.margin),
-      offTable(evidence.lift);
+      offTable(evidence.lift), agreement.color ? unlike(*agreement.color) : 0;
   return terms;
 }
 
 std::vector<std::string> scoreTermNames() {
   return {"constant", "explained", "not seen through", "visible", "rms",
-          "fitness",  "area",      "margin",           "lift"};
+          "fitness",  "area",      "margin",           "lift",    "color"};
 }
 
 double probabilityOf(const Evidence& evidence) {
   const Eigen::Map<const Eigen::VectorXd> weights(WEIGHTS, TERMS);
-  return logistic(weights.dot(scoreTerms(evidence)));
+  return evidence.turn * logistic(weights.dot(scoreTerms(evidence)));
 }
 
 }  // namespace tabletop_perception

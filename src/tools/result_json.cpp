@@ -93,20 +93,25 @@ ordered_json evidenceJson(const Evidence& evidence) {
           {"visible", agreement.visible},
           {"hidden", agreement.hidden},
           {"violation", agreement.violation},
+          {"color", agreement.color ? ordered_json(*agreement.color) : ordered_json()},
           {"rms", evidence.rms},
           {"area", evidence.area},
           {"margin", evidence.margin},
-          {"lift", evidence.lift}};
+          {"lift", evidence.lift},
+          {"turn", evidence.turn}};
 }
 
 Evidence evidenceFrom(const nlohmann::json& json) {
   const auto number = [&](const char* key) { return json.at(key).get<double>(); };
+  std::optional<double> color;
+  if (!json.at("color").is_null()) color = number("color");
   return {{number("explained"), number("fitness"), number("visible"), number("hidden"),
-           number("violation")},
+           number("violation"), color},
           number("rms"),
           number("area"),
           number("margin"),
-          number("lift")};
+          number("lift"),
+          number("turn")};
 }
 
 ordered_json recognitionJson(const Scene& scene, const Recognition& recognition) {
