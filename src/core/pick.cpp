@@ -7,18 +7,17 @@
 #include <string>
 
 #include "format.h"
+#include "main_plane.h"
 #include "plane_fit.h"
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/normals.h"
-#include "tabletop_perception/planes.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr double AT_EDGE = 0.01;           // of a cluster: its outermost points may lack [m]
-constexpr int SCAN_STEP = 4;               // of the pixels that a window is looked for among
-constexpr float FACING_COSINE = 0.866F;    // of a surface's points: 30 deg off its normal
-constexpr std::uint32_t SURFACE_SEED = 1;  // same points, same surface
+constexpr double AT_EDGE = 0.01;         // of a cluster: its outermost points may lack [m]
+constexpr int SCAN_STEP = 4;             // of the pixels that a window is looked for among
+constexpr float FACING_COSINE = 0.866F;  // of a surface's points: 30 deg off its normal
 
 /// Why a pixel cannot be looked at; empty if it can.
 std::string pixelRefusal(const Eigen::Vector2d& pixel, int width, int height) {
@@ -78,18 +77,24 @@ Eigen::Vector3d directed(const Eigen::Vector3d& axis, const Table& table) {
 
 /// Of a plane's points, by their place in `thing`, those whose normals agree with it: not the strip
 /// of a side face that lies just as near to it. All where fewer than half do: normals are noise.
-Indices facingAlike(const Cloud& cloud, const Indices& thing, const Plane& plane) {
+Indices facingAlike(const Cloud& cloud, const Indices& thing, const Indices& near,
+                    const Eigen::Vector3d& normal_of_plane) {
   Cloud alone(cloud.width, cloud.height, false);  // what stands beside it bends no normal
   for (const int i : thing) alone.setPoint(i, cloud.point(i));
   const Normals normals = computeNormals(alone, Eigen::Vector3f::Zero(), NormalsOptions());
-  const Eigen::Vector3f z = plane.plane.head<3>().cast<float>();
+  const Eigen::Vector3f z = normal_of_plane.cast<float>();
   Indices facing;
-  for (const int k : plane.points) {
+  for (const int k : near) {
     const int i = thing[k];
     const Eigen::Vector3f normal(normals.x[i], normals.y[i], normals.z[i]);
     if (normal.dot(z) >= FACING_COSINE) facing.push_back(k);  // not so for NaN
   }
-  return 2 * facing.size() >= plane.points.size() ? facing : plane.points;
+  return 2 * facing.size() >= near.size() ? facing : near;
+}
+
+/// The plane with its normal towards the sensor, the origin.
+Eigen::Vector4d facingSensor(const Eigen::Vector4d& plane) {
+  return plane[3] < 0 ? Eigen::Vector4d(-plane) : plane;
 }
 
 }  // namespace
@@ -226,17 +231,17 @@ Found<GraspSurface> graspSurface(const Cloud& cloud, const Indices& thing, const
                                  const PickOptions& options) {
   checkOptions("pick", options);
   const Cloud points = selectPoints(cloud, thing);
-  const auto largest =
-      findLargestPlane(points, options.surface_distance, std::nullopt, SURFACE_SEED);
-  if (!largest || largest->points.empty())
+  const auto largest = mainPlane(points, options.surface_distance);
+  if (!largest)
     return Found<GraspSurface>::none(format("its %zu points span no surface", thing.size()));
-  const Cloud facing = selectPoints(points, facingAlike(cloud, thing, *largest));
-  const auto fit = fitPlaneNear(facing, largest->plane, options.surface_distance);
-  const Eigen::Vector4d plane = fit ? fit->plane : largest->plane;
-  const Eigen::Vector3d middle = fit ? fit->centroid : largest->centroid;
+  const Cloud facing = selectPoints(
+      points, facingAlike(cloud, thing, pointsNearPlane(points, *largest, options.surface_distance),
+                          facingSensor(*largest).head<3>()));
+  const Eigen::Vector4d plane = *largest;
+  const Eigen::Vector3d middle = centroidOf(pointsAt(facing, validIndices(facing))).cast<double>();
 
   GraspSurface surface;
-  surface.plane = plane[3] < 0 ? Eigen::Vector4d(-plane) : plane;  // the sensor is the origin
+  surface.plane = facingSensor(plane);
   surface.points = static_cast<int>(facing.size());
   const Eigen::Vector3d z = surface.plane.head<3>();
   const Box sides = boxAround(pointsAt(facing, validIndices(facing)), z);

@@ -193,6 +193,15 @@ std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& 
   return fit;
 }
 
+std::size_t countNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double distance) {
+  const Eigen::Vector4f q = plane.cast<float>();
+  const std::size_t whole = cloud.size() / LANES * LANES;
+  const auto near = static_cast<float>(distance);
+  const PaddedPoints rest(cloud, whole);
+  return countNear(cloud.x.data(), cloud.y.data(), cloud.z.data(), whole, q.data(), near) +
+         countNear(rest.x.data(), rest.y.data(), rest.z.data(), rest.x.size(), q.data(), near);
+}
+
 Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double distance) {
   return pointsBetween(cloud, plane, -distance, distance);
 }

@@ -35,6 +35,9 @@ std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& 
 /// Where the marks, each 0 or 1, are 1.
 Indices indicesOf(const std::vector<std::uint8_t>& marks);
 
+/// How many points lie within `distance` [m] of a plane.
+std::size_t countNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double distance);
+
 /// Points within `distance` [m] of a plane.
 Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double distance);
 

@@ -96,7 +96,7 @@ void evaluate(const EvaluateArguments& arguments) {
   if (!arguments.picks.empty()) {
     const auto options =
         arguments.config.empty() ? PipelineOptions() : readPipelineOptions(arguments.config);
-    return evaluatePicks(arguments.picks, options, arguments.json);
+    return evaluatePicks({arguments.picks, arguments.models, options, arguments.json});
   }
   checkFolder(arguments.results, "--results");
   if (!arguments.labels.empty())
@@ -121,8 +121,9 @@ void addEvaluate(CLI::App& app) {
                                   "folder of NAME/gt.json with the truth as poses");
   auto* picks = truth->add_option(
       "--picks", arguments->picks,
-      "folder of NAME.pcd with labels as above, or of NAME/ with label.png and gt.json: every "
-      "object of 1,000 points and more is picked at five pixels");
+      "folder of NAME.pcd with labels as above, or of NAME/ with gt.json and label.png (rendered "
+      "from --models where it is missing): every object of 1,000 points and more is picked at five "
+      "pixels");
   truth->require_option(1);
   command
       ->add_option("--config", arguments->config,
@@ -133,7 +134,7 @@ void addEvaluate(CLI::App& app) {
                                      "folder of OBJECT/mesh.ply [m]; models_info.json there may "
                                      "say the objects' symmetries");
   poses->needs(models);
-  models->needs(poses);
+  models->excludes(labels);
   command
       ->add_option("--unknown", arguments->unknown,
                    "objects of the truth that were not taught: giving them a name is wrong")

@@ -35,10 +35,17 @@ struct PoseEvaluation {
 /// Compares results with the truth in poses.
 void evaluatePoses(const PoseEvaluation& evaluation);
 
+struct PickEvaluation {
+  /// Of .pcd files with labels, or of folders with gt.json and label.png.
+  std::filesystem::path truth;
+  std::filesystem::path models;  ///< the objects' meshes, to render what has no label.png; or empty
+  PipelineOptions options;
+  bool json = false;
+};
+
 /// Picks every object of labelled scenes at five pixels and prints how many picks took it and how
-/// many frames lie right. `truth`: a folder of .pcd files with labels, or of folders with label.png
-/// and gt.json.
-void evaluatePicks(const std::filesystem::path& truth, const PipelineOptions& options, bool json);
+/// many frames lie right.
+void evaluatePicks(const PickEvaluation& evaluation);
 
 /// Throws unless it is a folder. `option`: the name that it was given under.
 void checkFolder(const std::filesystem::path& folder, const std::string& option);

@@ -1,21 +1,13 @@
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
-#include <map>
+#include <iterator>
 #include <optional>
-#include <set>
-#include <stdexcept>
-
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "evaluate.h"
-#include "evaluate_labels.h"
-#include "scene_source.h"
-#include "tabletop_perception/kd_tree.h"
+#include "pick_truth.h"
 #include "tabletop_perception/pick_scene.h"
-#include "tabletop_perception/planes.h"
+#include "true_axes.h"
 
 namespace tabletop_perception::tools {
 namespace fs = std::filesystem;
@@ -23,28 +15,9 @@ using nlohmann::ordered_json;
 
 namespace {
 
-constexpr std::size_t MIN_POINTS = 1000;    // smaller objects are not picked
-constexpr double TOUCHING = 0.02;           // objects nearer to each other touch [m]
-constexpr std::size_t TOUCHING_STEP = 3;    // every so manieth point is asked for its neighbours
-constexpr double RIGHT_IOU = 0.5;           // of the taken points with the truth
-constexpr double SURFACE_DISTANCE = 0.005;  // of the points on the main plane [m]
-constexpr double MIN_SURFACE_SHARE = 0.4;   // of an object that has a main plane
-constexpr double MIN_ELONGATION = 1.5;      // of one that has a longer side
+constexpr std::size_t MIN_POINTS = 1000;  // smaller objects are not picked
+constexpr double RIGHT_IOU = 0.5;         // of the taken points with the truth
 constexpr double MAX_Z_ERROR_DEG = 5, MAX_X_ERROR_DEG = 10;
-
-/// An object of the truth.
-struct Mask {
-  Indices points;                ///< with depth
-  std::map<int, Indices> parts;  ///< by label: those that the truth tells apart
-  std::vector<cv::Point> picks;  ///< the innermost pixel, and four half-way from it to the border
-};
-
-struct Truth {
-  Cloud cloud;
-  cv::Mat1i labels;  ///< of its pixels
-  std::optional<Eigen::Vector3d> up;
-  std::vector<Mask> masks;
-};
 
 /// Counts of right ones.
 struct Share {
@@ -62,97 +35,15 @@ struct PickFigures {
   Share separated, touching, z, x;
 };
 
-std::vector<cv::Point> picksIn(const cv::Mat1b& mask) {
-  cv::Mat1b padded;
-  cv::copyMakeBorder(mask, padded, 1, 1, 1, 1, cv::BORDER_CONSTANT, 0);
-  cv::Mat1f distances;
-  cv::distanceTransform(padded, distances, cv::DIST_L2, cv::DIST_MASK_PRECISE);
-  cv::Point middle;
-  cv::minMaxLoc(distances, nullptr, nullptr, nullptr, &middle);
-  std::vector<cv::Point> picks = {middle};
-  for (const cv::Point& direction :
-       {cv::Point(1, 0), cv::Point(-1, 0), cv::Point(0, 1), cv::Point(0, -1)}) {
-    int steps = 0;
-    while (padded(middle + (steps + 1) * direction)) ++steps;
-    picks.push_back(middle + steps / 2 * direction);
+/// One pick of a scene, as complaints name it.
+struct PickedPixel {
+  const std::string& scene;
+  cv::Point pixel;
+
+  void say(const std::string& what) const {
+    std::fprintf(stderr, "%s: (%d, %d): %s\n", scene.c_str(), pixel.x, pixel.y, what.c_str());
   }
-  for (auto& pick : picks) pick -= cv::Point(1, 1);
-  return picks;
-}
-
-/// Adds the object whose pixels carry any of the labels.
-void addMask(const std::set<int>& values, Truth& truth) {
-  const cv::Mat1i& labels = truth.labels;
-  Mask mask;
-  cv::Mat1b pixels = cv::Mat1b::zeros(labels.rows, labels.cols);
-  for (int i = 0; i < static_cast<int>(truth.cloud.size()); ++i) {
-    const int value = labels(i / labels.cols, i % labels.cols);
-    if (values.count(value) == 0) continue;
-    pixels(i / labels.cols, i % labels.cols) = 255;
-    if (!truth.cloud.valid(i)) continue;
-    mask.points.push_back(i);
-    mask.parts[value].push_back(i);
-  }
-  if (mask.points.size() < MIN_POINTS) return;
-  mask.picks = picksIn(pixels);
-  truth.masks.push_back(std::move(mask));
-}
-
-Truth truthOf(const LabelledScene& scene) {
-  auto contents = readLabels(scene.truth);
-  Truth truth;
-  truth.cloud = std::move(contents.cloud);
-  if (!truth.cloud.organized())
-    throw std::invalid_argument(scene.truth.string() + " must be organised: pixels are picked");
-  truth.labels.create(truth.cloud.height, truth.cloud.width);
-  std::transform(contents.labels.begin(), contents.labels.end(), truth.labels.begin(),
-                 [](std::uint32_t label) { return static_cast<int>(label); });
-  std::map<int, std::set<int>> objects;
-  for (const int label : truth.labels)
-    if (label >= 20) objects[label / 10].insert(label);
-  for (const auto& object : objects) addMask(object.second, truth);
-  return truth;
-}
-
-/// The values of a label.png that are objects.
-std::vector<int> objectValues(const fs::path& file) {
-  std::vector<int> values;
-  visitJson(file, [&](const auto& content) {
-    for (const auto& object : content.at("objects"))
-      values.push_back(object.contains("label_value") ? object.at("label_value").template get<int>()
-                                                      : object.at("ycbv_id").template get<int>());
-  });
-  return values;
-}
-
-Truth truthOf(const fs::path& folder) {
-  Truth truth;
-  visitScenes({folder.string()}, "", [&](const Scene& scene) {
-    truth.cloud = scene.cloud;
-    truth.up = scene.up;
-  });
-  const cv::Mat image = cv::imread((folder / "label.png").string(), cv::IMREAD_GRAYSCALE);
-  if (image.rows != truth.cloud.height || image.cols != truth.cloud.width)
-    throw std::invalid_argument((folder / "label.png").string() + " must have the depth's size");
-  image.convertTo(truth.labels, CV_32S);
-  for (const int value : objectValues(folder / "gt.json")) addMask({value}, truth);
-  return truth;
-}
-
-bool touchesAnother(const Truth& truth, const Mask& mask) {
-  std::vector<Eigen::Vector3f> others;
-  for (const auto& other : truth.masks) {
-    if (&other == &mask) continue;
-    const auto points = pointsAt(truth.cloud, other.points);
-    others.insert(others.end(), points.begin(), points.end());
-  }
-  const KdTree tree(std::move(others));
-  for (std::size_t k = 0; k < mask.points.size(); k += TOUCHING_STEP) {
-    const auto nearest = tree.nearest(truth.cloud.point(mask.points[k]));
-    if (nearest.index >= 0 && nearest.squared_distance < TOUCHING * TOUCHING) return true;
-  }
-  return false;
-}
+};
 
 double iouOf(const Indices& a, const Indices& b) {
   Indices both;
@@ -160,74 +51,78 @@ double iouOf(const Indices& a, const Indices& b) {
   return static_cast<double>(both.size()) / static_cast<double>(a.size() + b.size() - both.size());
 }
 
-/// An object in parts counts as a whole or by the part that was pointed at.
-bool isRight(const Indices& taken, const Mask& mask, int label) {
-  const auto part = mask.parts.find(label);
-  return iouOf(taken, mask.points) >= RIGHT_IOU ||
-         (part != mask.parts.end() && iouOf(taken, part->second) >= RIGHT_IOU);
-}
+/// An object and those of its parts that the truth tells apart, each with its true axes.
+class JudgedTarget {
+ public:
+  JudgedTarget(const Cloud& cloud, const PickTarget& target)
+      : whole_(judged(cloud, target.points)) {
+    for (const auto& [label, points] : target.parts) parts_.emplace(label, judged(cloud, points));
+  }
 
-/// What the axes of the frame should be.
-struct TrueAxes {
-  std::optional<Eigen::Vector3d> z, x;
+  /// The axes of what a pick at a pixel of a label took: of the object or of that part of it,
+  /// whichever fits better; null where neither fits.
+  const TrueAxes* axesOf(const Indices& taken, int label) const {
+    const double whole = iouOf(taken, whole_.points);
+    const auto part = parts_.find(label);
+    const double of_part = part == parts_.end() ? 0 : iouOf(taken, part->second.points);
+    if (std::max(whole, of_part) < RIGHT_IOU) return nullptr;
+    return of_part > whole ? &part->second.axes : &whole_.axes;
+  }
+
+ private:
+  struct Judged {
+    const Indices& points;
+    TrueAxes axes;
+  };
+  static Judged judged(const Cloud& cloud, const Indices& points) {
+    return {points, trueAxesOf(pointsAt(cloud, points))};
+  }
+
+  Judged whole_;
+  std::map<int, Judged> parts_;
 };
-
-/// z from the plane that most of the mask's points lie on, of many draws; x along the longer side
-/// of the least rectangle about them.
-TrueAxes axesOf(const Cloud& cloud, const Mask& mask) {
-  constexpr std::uint32_t DRAWS = 20;
-  const Cloud points = selectPoints(cloud, mask.points);
-  std::optional<Plane> best;
-  for (std::uint32_t seed = 100; seed < 100 + DRAWS; ++seed) {
-    auto plane = findLargestPlane(points, SURFACE_DISTANCE, std::nullopt, seed);
-    if (plane && (!best || plane->points.size() > best->points.size())) best = std::move(plane);
-  }
-  TrueAxes axes;
-  if (!best || static_cast<double>(best->points.size()) <
-                   MIN_SURFACE_SHARE * static_cast<double>(points.size()))
-    return axes;
-  axes.z = best->plane.head<3>();
-  const Eigen::Vector3d u = axes.z->unitOrthogonal(), v = axes.z->cross(u);
-  std::vector<cv::Point2f> flat;
-  for (const int i : best->points) {
-    const Eigen::Vector3d p = points.point(i).cast<double>();
-    flat.emplace_back(static_cast<float>(u.dot(p)), static_cast<float>(v.dot(p)));
-  }
-  std::array<cv::Point2f, 4> corners;
-  cv::minAreaRect(flat).points(corners.data());
-  const cv::Point2f a = corners[1] - corners[0], b = corners[2] - corners[1];
-  const double length_a = std::hypot(a.x, a.y), length_b = std::hypot(b.x, b.y);
-  const cv::Point2f longer = length_a > length_b ? a : b;
-  if (std::max(length_a, length_b) < MIN_ELONGATION * std::min(length_a, length_b)) return axes;
-  axes.x = (longer.x * u + longer.y * v).normalized();
-  return axes;
-}
 
 /// Between two lines [deg].
 double angleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::acos(std::min(1.0, std::abs(a.dot(b)))) * 180 / M_PI;
 }
 
-PickFigures figuresOf(const std::string& name, const Truth& truth, const PipelineOptions& options) {
+void addAngle(const std::string& axis, double off_deg, double limit_deg, const PickedPixel& where,
+              Share& share) {
+  share.add(off_deg <= limit_deg);
+  if (off_deg > limit_deg) where.say(axis + " is " + formatted(off_deg, 1, 1) + " deg off");
+}
+
+void addAxes(const Eigen::Matrix3d& frame, const TrueAxes& truth, const PickedPixel& where,
+             PickFigures& figures) {
+  if (!truth.z.empty()) {
+    double off_deg = 180;
+    for (const auto& z : truth.z) off_deg = std::min(off_deg, angleDeg(frame.col(2), z));
+    addAngle("z", off_deg, MAX_Z_ERROR_DEG, where, figures.z);
+  }
+  if (truth.x) addAngle("x", angleDeg(frame.col(0), *truth.x), MAX_X_ERROR_DEG, where, figures.x);
+}
+
+PickFigures figuresOf(const std::string& name, const PickTruth& truth,
+                      const PipelineOptions& options) {
   PickFigures figures;
-  for (const auto& mask : truth.masks) {
-    Share& share = touchesAnother(truth, mask) ? figures.touching : figures.separated;
-    const TrueAxes axes = axesOf(truth.cloud, mask);
-    for (const auto& pixel : mask.picks) {
+  for (const auto& target : truth.targets) {
+    if (target.points.size() < MIN_POINTS) continue;
+    Share& share = truth.touching(target) ? figures.touching : figures.separated;
+    const JudgedTarget judged(truth.cloud, target);
+    for (const auto& pixel : target.picks) {
+      const PickedPixel where{name, pixel};
       const auto point =
           pointAtPixel(truth.cloud, {static_cast<double>(pixel.x), static_cast<double>(pixel.y)},
                        options.pick.pixel_window);
       const auto pick = point ? pickInScene(truth.cloud, *point, truth.up, options)
                               : Found<Pick>::none(point.reason);
-      const bool right = pick && isRight(pickedPoints(*pick), mask, truth.labels(pixel));
-      share.add(right);
-      if (!pick)
-        std::fprintf(stderr, "%s: (%d, %d): %s\n", name.c_str(), pixel.x, pixel.y,
-                     pick.reason.c_str());
-      if (!right) continue;
-      const Eigen::Matrix3d frame = pick->surface.T_camera_pick.linear();
-      if (axes.z) figures.z.add(angleDeg(frame.col(2), *axes.z) <= MAX_Z_ERROR_DEG);
-      if (axes.x) figures.x.add(angleDeg(frame.col(0), *axes.x) <= MAX_X_ERROR_DEG);
+      const TrueAxes* axes =
+          pick ? judged.axesOf(pickedPoints(*pick), truth.labels(pixel)) : nullptr;
+      share.add(axes != nullptr);
+      if (!pick) where.say(pick.reason);
+      if (pick && !axes) where.say("another thing, or the thing with too much or too little");
+      if (axes) addAxes(pick->surface.T_camera_pick.linear(), *axes, where, figures);
     }
   }
   return figures;
@@ -241,15 +136,16 @@ PickFigures sumOf(const PickFigures& a, const PickFigures& b) {
   return {sum(a.separated, b.separated), sum(a.touching, b.touching), sum(a.z, b.z), sum(a.x, b.x)};
 }
 
-/// The folders with a label.png and a gt.json, sorted.
-std::vector<fs::path> labelledFolders(const fs::path& truth) {
+/// The folders with a gt.json of which the objects' pixels are known, sorted.
+std::vector<fs::path> labelledFolders(const fs::path& truth, bool with_models) {
   std::vector<fs::path> folders;
   for (const auto& entry : fs::directory_iterator(truth)) {
     if (!fs::exists(entry.path() / "gt.json")) continue;
-    if (fs::exists(entry.path() / "label.png"))
+    if (with_models || fs::exists(entry.path() / "label.png"))
       folders.push_back(entry.path());
     else
-      std::fprintf(stderr, "%s: left out, it has no label.png\n", entry.path().c_str());
+      std::fprintf(stderr, "%s: left out, it has no label.png; with --models it can be rendered\n",
+                   entry.path().c_str());
   }
   std::sort(folders.begin(), folders.end());
   return folders;
@@ -257,7 +153,9 @@ std::vector<fs::path> labelledFolders(const fs::path& truth) {
 
 }  // namespace
 
-void evaluatePicks(const fs::path& truth, const PipelineOptions& options, bool json) {
+void evaluatePicks(const PickEvaluation& evaluation) {
+  const fs::path& truth = evaluation.truth;
+  const PipelineOptions& options = evaluation.options;
   checkFolder(truth, "--picks");
   std::vector<std::pair<std::string, PickFigures>> rows;  // by category, in their order
   const auto add = [&](const std::string& category, const PickFigures& figures) {
@@ -268,17 +166,20 @@ void evaluatePicks(const fs::path& truth, const PipelineOptions& options, bool j
     else
       row->second = sumOf(row->second, figures);
   };
-  const auto folders = labelledFolders(truth);
+  const bool with_models = !evaluation.models.empty();
+  const auto folders = labelledFolders(truth, with_models);
+  const TrueModels models =
+      with_models ? readTrueModels(evaluation.models, objectsNamedIn(folders)) : TrueModels();
   for (const auto& folder : folders)
-    add("all", figuresOf(folder.filename().string(), truthOf(folder), options));
+    add("all", figuresOf(folder.filename().string(), readPickTruth(folder, models), options));
   if (folders.empty())
     for (const auto& scene : labelledScenes(truth, "--picks"))
-      add(scene.category, figuresOf(scene.name, truthOf(scene), options));
+      add(scene.category, figuresOf(scene.name, readPickTruth(scene), options));
 
   PickFigures all;
   for (const auto& row : rows) all = sumOf(all, row.second);
   if (rows.size() > 1) rows.emplace_back("all", all);
-  if (json) {
+  if (evaluation.json) {
     ordered_json lines = ordered_json::array();
     for (const auto& [name, f] : rows)
       lines.push_back({{"category", name},

@@ -24,47 +24,6 @@ using nlohmann::ordered_json;
 
 namespace {
 
-constexpr double ROTATION_TOLERANCE = 1e-3;  // of R R^T against the identity
-
-/// [[r, r, r, t], [r, r, r, t], [r, r, r, t]]
-Eigen::Isometry3d poseFromRows(const json& rows) {
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  for (int r = 0; r < 3; ++r)
-    for (int c = 0; c < 4; ++c) pose(r, c) = rows.at(r).at(c).get<double>();
-  const Eigen::Matrix3d product = pose.linear() * pose.linear().transpose();
-  if (!product.isIdentity(ROTATION_TOLERANCE) || pose.linear().determinant() < 0)
-    throw std::invalid_argument("model_to_camera_3x4 must begin with a rotation, got " +
-                                rows.dump());
-  return pose;
-}
-
-/// {"position": [x, y, z], "orientation": [x, y, z, w]}
-Eigen::Isometry3d poseFromParts(const json& parts) {
-  const auto& position = parts.at("position");
-  const auto& orientation = parts.at("orientation");
-  Eigen::Quaterniond rotation;
-  for (int i = 0; i < 4; ++i) rotation.coeffs()[i] = orientation.at(i).get<double>();
-  if (std::abs(rotation.norm() - 1) > ROTATION_TOLERANCE)
-    throw std::invalid_argument("orientation must be a unit quaternion, got " + orientation.dump());
-  Eigen::Isometry3d pose(rotation.normalized());
-  for (int i = 0; i < 3; ++i) pose.translation()[i] = position.at(i).get<double>();
-  return pose;
-}
-
-/// Visits the `objects` of a file but for those named "unknown".
-void visitObjects(const json& content, const fs::path& file,
-                  const std::function<void(const std::string& name, const json& object)>& visit) {
-  for (const auto& object : content.at("objects")) {
-    const auto name = object.at("name").get<std::string>();
-    if (name == "unknown") continue;
-    try {
-      visit(name, object);
-    } catch (const std::invalid_argument& error) {
-      throw std::invalid_argument(file.string() + ": " + name + ": " + error.what());
-    }
-  }
-}
-
 /// A scene with its truth; objects of the names in `unknown` are kept apart.
 PosedScene readTruth(const fs::path& folder, const std::set<std::string>& unknown) {
   PosedScene scene;
@@ -73,10 +32,7 @@ PosedScene readTruth(const fs::path& folder, const std::set<std::string>& unknow
   const fs::path file = folder / "gt.json";
   visitJson(file, [&](const json& content) {
     visitObjects(content, file, [&](const std::string& name, const json& object) {
-      TrueObject one{{name, poseFromRows(object.at("model_to_camera_3x4"))}, std::nullopt};
-      if (const auto share = object.find("visible_share"); share != object.end())
-        one.visible = share->get<double>();
-      (unknown.count(name) > 0 ? scene.unknown : scene.truth).push_back(one);
+      (unknown.count(name) > 0 ? scene.unknown : scene.truth).push_back(trueObjectFrom(object));
     });
   });
   return scene;
@@ -148,35 +104,13 @@ std::vector<PosedScene> readScenes(const fs::path& truth, const std::set<std::st
   return scenes;
 }
 
-/// What models_info.json says of the objects' symmetries, where it says something.
-std::map<std::string, std::string> readSymmetries(const fs::path& models) {
-  std::map<std::string, std::string> symmetries;
-  const fs::path file = models / "models_info.json";
-  if (!fs::exists(file)) return symmetries;
-  visitJson(file, [&](const json& content) {
-    for (const auto& [name, info] : content.items()) {
-      const auto symmetry = info.find("symmetry");
-      if (symmetry != info.end() && !symmetry->is_null())
-        symmetries[name] = symmetry->get<std::string>();
-    }
-  });
-  return symmetries;
-}
-
 /// The models of all objects in the truth.
 TrueModels readModels(const fs::path& folder, const std::vector<PosedScene>& scenes) {
-  checkFolder(folder, "--models");
-  auto symmetries = readSymmetries(folder);
-  TrueModels models;
+  std::set<std::string> names;
   for (const auto& scene : scenes)
     for (const auto* objects : {&scene.truth, &scene.unknown})
-      for (const auto& object : *objects) {
-        if (models.reference.count(object.name) > 0) continue;
-        const auto mesh = readMesh(folder / object.name / "mesh.ply", 1);
-        models.reference.emplace(object.name, makeReferenceModel(mesh, symmetries[object.name]));
-        models.renderers.try_emplace(object.name, mesh);
-      }
-  return models;
+      for (const auto& object : *objects) names.insert(object.name);
+  return readTrueModels(folder, names);
 }
 
 /// Unknown objects that results with a name are nearest to, by the middles, of all true objects; a

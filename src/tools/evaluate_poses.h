@@ -10,17 +10,12 @@
 #include <Eigen/Core>
 
 #include "tabletop_perception/bop_metrics.h"
-#include "tabletop_perception/mesh.h"
 #include "tabletop_perception/pose_metrics.h"
 #include "tabletop_perception/verify.h"
+#include "true_poses.h"
 
 /// What the figures of poses and their report share.
 namespace tabletop_perception::tools {
-
-/// An object of the truth.
-struct TrueObject : PosedObject {
-  std::optional<double> visible;  ///< share of it that the camera sees, where the truth says it
-};
 
 /// What a result gives a name.
 struct NamedResult : PosedObject {
@@ -52,12 +47,6 @@ struct PosedScene {
   /// Height of each true object's lowest vertex above the table that was found [m]; of things that
   /// stand on it: how far the table is off. Empty without a table.
   std::vector<double> lowest;
-};
-
-/// The objects of the truth, by name.
-struct TrueModels {
-  std::map<std::string, ReferenceModel> reference;
-  std::map<std::string, MeshRenderer> renderers;
 };
 
 /// What a set of scenes gives beyond the figures of its poses.

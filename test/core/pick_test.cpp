@@ -80,6 +80,35 @@ TEST(Pick, theGripperComesFromAboveAndOpensAlongTheShorterSide) {
   EXPECT_NEAR(pick->pregrasp.width, 0.06 + options.grasp.margin, 0.01);
 }
 
+TEST(Pick, aCanThatLiesIsGraspedAcrossItsAxis) {
+  Mesh can = scene::cylinder(0.035, 0.14);
+  can = scene::moved(can,
+                     Eigen::Translation3d(-0.07, 0, 0.035) *
+                         Eigen::Isometry3d(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY())));
+  const auto scene = scene::render({{"can", can, scene::standing(0, 0, 0.7)}});
+  const auto pick = pickAt(scene, {0, 0, 0.07});
+  ASSERT_TRUE(pick) << pick.reason;
+  const Eigen::Matrix3d axes =
+      (scene.T_camera_table.inverse() * pick->surface.T_camera_pick).linear();
+  const Eigen::Vector3d along(std::cos(0.7), std::sin(0.7), 0);
+  EXPECT_GT(std::abs(cosine(axes.col(0), along)), 0.999);
+  EXPECT_LT(std::abs(cosine(axes.col(2), along)), 0.03);
+  EXPECT_GT(axes(2, 2), 0.3);
+}
+
+TEST(Pick, theLargerOfTwoFacesIsTheMainSurface) {
+  for (const double yaw : {0.2, 0.6, 1.2}) {
+    const auto scene =
+        scene::render({{"box", scene::box(0.05, 0.14, 0.16), scene::standing(0, 0, yaw)}});
+    const auto pick = pickAt(scene, {0, 0, 0.16});
+    ASSERT_TRUE(pick) << pick.reason;
+    const Eigen::Matrix3d axes =
+        (scene.T_camera_table.inverse() * pick->surface.T_camera_pick).linear();
+    const Eigen::Vector3d out(-std::cos(yaw), -std::sin(yaw), 0);  // of the face to the camera
+    EXPECT_GT(cosine(axes.col(2), out), 0.999) << yaw;
+  }
+}
+
 TEST(Pick, theOriginOfAFlatThingStaysAboveTheTable) {
   const auto scene =
       scene::render({{"tile", scene::box(0.12, 0.12, 0.02), scene::standing(0, 0, 0)}});

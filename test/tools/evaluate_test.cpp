@@ -5,9 +5,9 @@
 #include <stdexcept>
 
 #include <gtest/gtest.h>
-#include <CLI/CLI.hpp>
 
 #include "commands.h"
+#include "printed.h"
 #include "tabletop_perception/pcd.h"
 #include "temp_folder.h"
 #include "wedge_model.h"
@@ -18,18 +18,9 @@ namespace {
 using nlohmann::json;
 using Labels = std::vector<std::uint32_t>;
 
-/// Runs `evaluate` with the words of a command line; gives back what it prints on stdout.
+/// What `evaluate` prints.
 std::string evaluate(const std::string& words) {
-  CLI::App app;
-  addEvaluate(app);
-  testing::internal::CaptureStdout();
-  try {
-    app.parse("evaluate " + words, false);
-  } catch (...) {
-    testing::internal::GetCapturedStdout();
-    throw;
-  }
-  return testing::internal::GetCapturedStdout();
+  return printedBy(addEvaluate, "evaluate " + words);
 }
 
 /// The line with which `evaluate` ends for bad input.
