@@ -254,7 +254,7 @@ class Decision {
     std::vector<Eigen::Vector3f> points;
     for (std::size_t p = 0; p < standing_.parts.size(); ++p)
       for (std::size_t i = 0; i < standing_.parts[p].size(); ++i)
-        if (hypothesis.explained[p][i]) points.push_back(standing_.parts[p].points[i]);
+        if (hypothesis.explained.at(p, i)) points.push_back(standing_.parts[p].points[i]);
     if (points.empty()) return {};
     return coloredPoints(observations_.about(centroidOf(points)), points, MAX_COLORED_POINTS);
   }
