@@ -6,16 +6,21 @@
 #include <limits>
 
 #include "marks.h"
+#include "near_model.h"
+#include "polish_pose.h"
 #include "settle_turn.h"
 #include "tabletop_perception/normals.h"
+#include "tabletop_perception/symmetry.h"
 
 namespace tabletop_perception {
 namespace {
 
 constexpr double REACH = 0.03;                   // of points about a candidate that ICP sees [m]
-constexpr int MAX_SOURCE_POINTS = 600;           // that ICP looks at
+constexpr std::size_t MAX_SOURCE_POINTS = 600;   // that ICP looks at
 constexpr std::size_t MAX_COLORED_POINTS = 600;  // that turn it as its colours are
 constexpr double MIN_PROMISE_RATIO = 0.6;        // of a candidate to the best one of its proposal
+constexpr double TWIN_SHIFT = 0.002;             // of two hypotheses that are one [m]
+constexpr double TWIN_TURN = 0.02;               // [rad]
 constexpr double MIN_OWN_SHARE = 0.7;  // of an object's points that no other object explains
 constexpr double RIVAL_OVERLAP = 0.5;  // share of an object's points that a rival explains as well
 constexpr double MIN_SHARE_OF_CLUSTER = 0.3;  // that an object explains if the cluster shows it
@@ -63,6 +68,7 @@ struct Hypothesis {
   int points;       ///< that it explains
   double rms = 0;   ///< distance of the points about it from its tangent planes [m]
   double turn = 1;  ///< probability of its turn among those that look nearly alike
+  PoseUncertainty uncertainty;
 
   double worth() const { return verification.score * points; }
   bool stands() const { return verification.reason.empty(); }
@@ -117,7 +123,7 @@ class Decision {
       const std::string refusal = marginRefusal(hypothesis);
       taken_.mark(hypothesis.explained);
       if (refusal.empty()) {
-        objects_.push_back(knownObject(settled, score));
+        objects_.push_back(knownObject(polished(settled)));
         continue;
       }
       undecided_.push_back(hypothesis.explained);
@@ -142,6 +148,15 @@ class Decision {
     hypothesis.rms = settled->rms;
     hypothesis.turn = settled->probability;
     if (settled->color) hypothesis.verification.agreement.color = settled->color;
+  }
+
+  /// With the pose that leaves, and how far that may be off.
+  Hypothesis polished(Hypothesis hypothesis) const {
+    const auto pose = polishPose(index_, hypothesis.model, hypothesis.T_camera_object,
+                                 pointsOfClusters(hypothesis), refine_);
+    hypothesis.T_camera_object = pose.T_camera_object;
+    hypothesis.uncertainty = pose.uncertainty;
+    return hypothesis;
   }
 
   /// Matches what is left of clusters that objects were found in.
@@ -207,21 +222,41 @@ class Decision {
         continue;
       }
       Hypothesis hypothesis{
-          model, alignment->T_camera_object,
+          model,
+          alignment->T_camera_object,
           verifyPose(index_, model, alignment->T_camera_object, parts, observation, verify_),
-          Marks(standing_.parts), 0};
+          Marks(standing_.parts),
+          0,
+          0,
+          {}};
       if (hypothesis.verification.score > best_score) {
         best_score = hypothesis.verification.score;
         reason = hypothesis.stands() ? "" : candidate.name + ": " + hypothesis.verification.reason;
       }
       if (!hypothesis.stands()) continue;
+      const auto twin = twinOf(hypothesis);
+      if (twin != hypotheses_.end() && twin->verification.score >= hypothesis.verification.score)
+        continue;
       for (std::size_t p = 0; p < standing_.parts.size(); ++p)
         hypothesis.explained.mark(p, explainedPoints(index_, model, hypothesis.T_camera_object,
                                                      standing_.planar[p], verify_.tolerance));
       hypothesis.points = hypothesis.explained.count();
-      hypotheses_.push_back(std::move(hypothesis));
+      if (twin != hypotheses_.end())
+        *twin = std::move(hypothesis);
+      else
+        hypotheses_.push_back(std::move(hypothesis));
     }
     return reason;
+  }
+
+  /// The hypothesis of the same object at the same place, which another cluster or union led to.
+  std::vector<Hypothesis>::iterator twinOf(const Hypothesis& hypothesis) {
+    const Symmetry& symmetry = index_.models()[hypothesis.model].symmetry;
+    return std::find_if(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& other) {
+      return other.model == hypothesis.model &&
+             samePose(symmetry, other.T_camera_object, hypothesis.T_camera_object, TWIN_SHIFT,
+                      TWIN_TURN);
+    });
   }
 
   /// The points near a model, which ICP is to lay it on.
@@ -233,10 +268,7 @@ class Decision {
       for (std::size_t i = 0; i < part.size(); ++i)
         if (within[i]) append(part, i, near);
     }
-    const std::size_t step = near.size() / MAX_SOURCE_POINTS + 1;
-    Surface source;
-    for (std::size_t i = 0; i < near.size(); i += step) append(near, i, source);
-    return source;
+    return thinned(near, MAX_SOURCE_POINTS);
   }
 
   /// The points of all clusters in which a hypothesis explains any, unsampled.
@@ -369,14 +401,15 @@ class Decision {
     return begun && rest;
   }
 
-  SceneObject knownObject(const Hypothesis& hypothesis, double score) const {
+  SceneObject knownObject(const Hypothesis& hypothesis) const {
     SceneObject object;
     object.name = index_.models()[hypothesis.model].name;
-    object.score = score;
     object.T_camera_object = hypothesis.T_camera_object;
+    object.uncertainty = hypothesis.uncertainty;
     object.fitness = hypothesis.verification.agreement.fitness;
     object.visible = hypothesis.verification.agreement.visible;
     object.evidence = evidenceOf(hypothesis);
+    object.score = probabilityOf(object.evidence);
     std::vector<double> shares;
     for (std::size_t k = 0; k < clusters_.size(); ++k)
       shares.push_back(shareOfCluster(hypothesis.explained, k));

@@ -9,7 +9,7 @@
 
 #include "grid_normals.h"
 #include "integral_normals.h"
-#include "near_points.h"
+#include "radius_grid.h"
 #include "tabletop_perception/kd_tree.h"
 #include "voxel_key.h"
 
@@ -93,7 +93,7 @@ Normals computeNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
 Surface sampleSurface(const std::vector<Eigen::Vector3f>& points, double leaf, double radius,
                       const Eigen::Vector3f& viewpoint) {
   const auto means = voxelMeans(points, leaf);
-  const NearPoints near(means, radius);
+  const RadiusGrid near(means, radius);
   Surface surface;
   for (const auto& p : means) {
     const auto fit = fitPlane(near.momentsAbout(p));

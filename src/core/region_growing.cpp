@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "near_points.h"
+#include "radius_grid.h"
 #include "tabletop_perception/kd_tree.h"
 
 namespace tabletop_perception {
@@ -55,7 +55,7 @@ class TreeNeighbors {
 class ListedNeighbors {
  public:
   ListedNeighbors(const Surface& surface, double gap) {
-    const NearPoints near(surface.points, gap);
+    const RadiusGrid near(surface.points, gap);
     begins_.push_back(0);
     for (const auto& p : surface.points) {
       near.appendWithin(p, neighbors_);

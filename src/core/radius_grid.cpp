@@ -1,4 +1,4 @@
-#include "near_points.h"
+#include "radius_grid.h"
 
 #include <algorithm>
 #include <limits>
@@ -38,7 +38,7 @@ TABLETOP_SIMD_CLONES void addRun(const float* xs, const float* ys, const float* 
 
 }  // namespace
 
-NearPoints::NearPoints(const std::vector<Eigen::Vector3f>& points, double radius)
+RadiusGrid::RadiusGrid(const std::vector<Eigen::Vector3f>& points, double radius)
     : squared_radius_(static_cast<float>(radius * radius)) {
   Eigen::Vector3f high = low_ = points.empty() ? low_ : points.front();
   for (const auto& p : points) {
@@ -75,12 +75,12 @@ NearPoints::NearPoints(const std::vector<Eigen::Vector3f>& points, double radius
   }
 }
 
-Eigen::Array3i NearPoints::cubeOf(const Eigen::Vector3f& p) const {
+Eigen::Array3i RadiusGrid::cubeOf(const Eigen::Vector3f& p) const {
   return ((p - low_) * inverse_side_).array().cast<int>().max(0).min(size_ - 1);
 }
 
 template <typename Visit>
-void NearPoints::visitRuns(const Eigen::Vector3f& p, Visit visit) const {
+void RadiusGrid::visitRuns(const Eigen::Vector3f& p, Visit visit) const {
   const Eigen::Array3i c = cubeOf(p);
   const Eigen::Array3i from = (c - 1).max(0), to = (c + 1).min(size_ - 1);
   for (int z = from.z(); z <= to.z(); ++z)
@@ -91,7 +91,7 @@ void NearPoints::visitRuns(const Eigen::Vector3f& p, Visit visit) const {
     }
 }
 
-Moments NearPoints::momentsAbout(const Eigen::Vector3f& p) const {
+Moments RadiusGrid::momentsAbout(const Eigen::Vector3f& p) const {
   Sums sums;
   visitRuns(p, [&](int first, int end) {
     addRun(&x_[first], &y_[first], &z_[first], end - first, p.data(), squared_radius_, sums);
@@ -106,7 +106,7 @@ Moments NearPoints::momentsAbout(const Eigen::Vector3f& p) const {
   return moments;
 }
 
-void NearPoints::appendWithin(const Eigen::Vector3f& p, std::vector<int>& indices) const {
+void RadiusGrid::appendWithin(const Eigen::Vector3f& p, std::vector<int>& indices) const {
   visitRuns(p, [&](int first, int end) {
     for (int i = first; i < end; ++i) {
       const float dx = x_[i] - p.x(), dy = y_[i] - p.y(), dz = z_[i] - p.z();

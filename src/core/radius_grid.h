@@ -16,10 +16,10 @@ struct Moments {
 /// Neighbours within one fixed radius among fixed points: the points sorted into cubes of the
 /// radius, so that those about a point lie in nine runs. For sampled surfaces several times faster
 /// than a kd-tree. All points must be finite.
-class NearPoints {
+class RadiusGrid {
  public:
   /// `radius`: positive [m].
-  NearPoints(const std::vector<Eigen::Vector3f>& points, double radius);
+  RadiusGrid(const std::vector<Eigen::Vector3f>& points, double radius);
 
   /// Of the points within the radius of `p`, which must be one of the points.
   Moments momentsAbout(const Eigen::Vector3f& p) const;
