@@ -228,6 +228,7 @@ class Decision {
           Marks(standing_.parts),
           0,
           0,
+          1,
           {}};
       if (hypothesis.verification.score > best_score) {
         best_score = hypothesis.verification.score;
