@@ -287,7 +287,7 @@ SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector
     for (auto& stage : benchmarkRecognition(segmentation, *models, runs))
       timing.stages.push_back(std::move(stage));
     const Frame frame{packedView(message), up,
-                      discarding([&] { return stock::frontEnd(message, forward); })};
+                      discarding([&] { return stock::packagedPcl().frontEnd(message, forward); })};
     for (auto& stage : benchmarkFrame(frame, options, *models, runs))
       timing.stages.push_back(std::move(stage));
     timing.recognition = timeAlone(
