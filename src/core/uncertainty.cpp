@@ -15,8 +15,9 @@ namespace {
 /// are.
 constexpr double MIN_SHARE = 0.0033;
 constexpr double FREE_SIZE = 2;       // deviation of a free direction, in sizes of the object
-constexpr double LEAST_ERROR = 5e-5;  // of a model's own points [m]
+constexpr double LEAST_ERROR = 5e-5;  // that no number of points averages out [m]
 constexpr double LEAST_SIZE = 0.001;  // of an object [m]
+constexpr double UNKNOWN_SIZE = 1;    // of one without a correspondence [m]
 
 /// What the correspondences of a pose look like, in the object's frame.
 struct Residuals {
@@ -41,7 +42,11 @@ Residuals residualsOf(const IcpPairs& pairs) {
     products += off * before;
     before = off;
   });
-  const double n = std::max(1, residuals.count);
+  if (residuals.count == 0) {
+    residuals.size = UNKNOWN_SIZE;
+    return residuals;
+  }
+  const double n = residuals.count;
   residuals.middle /= n;
   residuals.size =
       std::sqrt(std::max(LEAST_SIZE * LEAST_SIZE, spread / n - residuals.middle.squaredNorm()));
@@ -63,6 +68,15 @@ Matrix6d toCamera(const Residuals& residuals, const Eigen::Isometry3d& T_camera_
   return J;
 }
 
+/// By how much the variance grows where of normal residuals only the share `trim` nearest to zero
+/// counts: 1 / (F(c) - F(-c) - 2 c f(c)), at the c beyond which the others lie (Huber 1981, 3.2).
+double trimmingLoss(double trim) {
+  double c = 0;
+  while (c < 6 && std::erf(c / std::sqrt(2)) < trim) c += 0.001;
+  const double density = std::exp(-c * c / 2) / std::sqrt(2 * M_PI);
+  return 1 / (std::erf(c / std::sqrt(2)) - 2 * c * density);
+}
+
 }  // namespace
 
 PoseUncertainty uncertaintyOf(const PlanarSurface& cluster, const NearestGrid& model,
@@ -79,8 +93,10 @@ PoseUncertainty uncertaintyOf(const PlanarSurface& cluster, const NearestGrid& m
   const Eigen::SelfAdjointEigenSolver<Matrix6d> directions(A);
 
   PoseUncertainty uncertainty;
-  const double independent = residuals.variance * (1 - residuals.correlation);
-  const double common = residuals.variance * residuals.correlation;
+  const double independent =
+      residuals.variance * (1 - residuals.correlation) * trimmingLoss(options.trim);
+  const double common =
+      std::max(LEAST_ERROR * LEAST_ERROR, residuals.variance * residuals.correlation);
   Vector6d variances;
   for (int k = 0; k < 6; ++k) {
     const double information = std::max(0.0, directions.eigenvalues()[k]);

@@ -118,7 +118,8 @@ TEST_P(Refine, APoseIsARotation) {
   EXPECT_NEAR(R.determinant(), 1, 1e-9);
 }
 
-INSTANTIATE_TEST_SUITE_P(Methods, Refine, testing::Values("point_to_plane", "point_to_point"));
+INSTANTIATE_TEST_SUITE_P(Methods, Refine,
+                         testing::Values("point_to_plane", "point_to_point", "gicp"));
 
 TEST(RefinePose, TrimmingLeavesOutliersOut) {
   Fixture fixture(scene::house(), 0.004);
@@ -236,5 +237,5 @@ TEST(RefinePose, ANoisyViewIsPlacedWithinAMillimetre) {
 
 TEST(RefinePose, OptionsOutOfRangeAreRefused) {
   EXPECT_EQ(clouds::refusalOf([] { house().refine(house().truth, byMethod("magic")); }),
-            "refine.method must be one of point_to_plane, point_to_point, got 'magic'");
+            "refine.method must be one of point_to_plane, point_to_point, gicp, got 'magic'");
 }

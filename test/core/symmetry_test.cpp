@@ -222,5 +222,25 @@ TEST(SymmetryMotions, IdentityComesFirstAndTheCenterStays) {
   EXPECT_THROW(symmetryMotions(symmetry, 0), std::invalid_argument);
 }
 
+TEST(SamePose, TellsPosesApartThatLookDifferent) {
+  const Eigen::Isometry3d T = Eigen::Translation3d(0.1, 0, 0.8) *
+                              Eigen::AngleAxisd(0.4, Eigen::Vector3d(1, 2, 3).normalized());
+  const auto turned = [&](double angle, const Eigen::Vector3d& axis) {
+    return Eigen::Isometry3d(T * Eigen::AngleAxisd(angle, axis));
+  };
+  const auto same = [&](const char* words, const Eigen::Isometry3d& other) {
+    return samePose(declaredSymmetry(words, Eigen::Vector3d::Zero()), T, other, 0.002, 0.02);
+  };
+  EXPECT_TRUE(same("none", turned(0.01, Eigen::Vector3d::UnitY())));
+  EXPECT_FALSE(same("none", turned(0.03, Eigen::Vector3d::UnitY())));
+  EXPECT_FALSE(same("none", Eigen::Translation3d(0, 0.003, 0) * T));
+  EXPECT_FALSE(same("none", turned(M_PI, Eigen::Vector3d::UnitZ())));
+  EXPECT_TRUE(same("half z", turned(M_PI, Eigen::Vector3d::UnitZ())));
+  EXPECT_FALSE(same("half z", turned(M_PI / 2, Eigen::Vector3d::UnitZ())));
+  EXPECT_TRUE(same("axis z", turned(1.3, Eigen::Vector3d::UnitZ())));
+  EXPECT_FALSE(same("axis z", turned(0.03, Eigen::Vector3d::UnitX())));
+  EXPECT_FALSE(same("axis z", turned(M_PI, Eigen::Vector3d::UnitX())));
+}
+
 }  // namespace
 }  // namespace tabletop_perception
