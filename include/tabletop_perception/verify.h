@@ -12,7 +12,7 @@ namespace tabletop_perception {
 
 struct VerifyOptions {
   double tolerance = 0.008;     ///< farthest a scene point lies from the model it belongs to [m]
-  double min_score = 0.6;       ///< objects less probable than this are unknown
+  double min_score = 0.5;       ///< objects less probable than this are unknown
   double min_agreement = 0.4;   ///< least agreement with what the camera saw
   double min_margin = 0.02;     ///< least lead in agreement over the best other object
   double min_explained = 0.7;   ///< least share of the cluster that the model explains

@@ -116,11 +116,13 @@ class Decision {
       Hypothesis settled = hypothesis;
       settle(settled);
       const double score = probabilityOf(evidenceOf(settled));
-      if (score < verify_.min_score) {
+      const bool likely = score >= verify_.min_score;
+      if (!likely && score < verify_.min_score * settled.turn) {
         noteRefusal(hypothesis, scoreRefusal(settled, score));
         continue;
       }
-      const std::string refusal = marginRefusal(hypothesis);
+      // Whichever way it is turned, it is there: nothing else is made of its points.
+      const std::string refusal = likely ? marginRefusal(hypothesis) : turnRefusal(settled, score);
       taken_.mark(hypothesis.explained);
       if (refusal.empty()) {
         objects_.push_back(knownObject(polished(settled)));
@@ -296,6 +298,14 @@ class Decision {
     char text[200];
     std::snprintf(text, sizeof text, "%s: score %.2f, limit %.2f",
                   index_.models()[hypothesis.model].name.c_str(), score, verify_.min_score);
+    return text;
+  }
+
+  std::string turnRefusal(const Hypothesis& hypothesis, double score) const {
+    char text[200];
+    std::snprintf(text, sizeof text, "%s: may be turned over (%.2f sure), score %.2f, limit %.2f",
+                  index_.models()[hypothesis.model].name.c_str(), hypothesis.turn, score,
+                  verify_.min_score);
     return text;
   }
 

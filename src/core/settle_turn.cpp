@@ -24,6 +24,7 @@ constexpr double COLOR_PATCHES = 30;  // of an object whose likeness in colour i
 constexpr double LEAST_LIKENESS = 0.01;
 constexpr double MIN_SPIN_GAIN = 0.02;  // of likeness, to turn an object about its axis
 constexpr double PATCH = 0.02;      // over which the distances of points are off alike, about [m]
+constexpr double TURN_AT_HAND = 1;  // log likelihood of the turn that agreed with the picture
 constexpr double SAME_TURN = 0.25;  // turns nearer than this are one, up to the symmetry [rad]
 
 /// How all points about a model lie on it.
@@ -84,14 +85,18 @@ void spinByColor(const ModelIndex& index, int model, const ColoredPoints& colore
   fit.color_cost = -COLOR_PATCHES * std::log(std::max(*fit.color, LEAST_LIKENESS));
 }
 
-/// The patch of each point, counted from 0.
-std::vector<int> patchesOf(const std::vector<Eigen::Vector3f>& points) {
+/// The patch of each point, counted from 0; in the object's frame, where nothing depends on the
+/// camera's.
+std::vector<int> patchesOf(const std::vector<Eigen::Vector3f>& points,
+                           const Eigen::Isometry3d& T_camera_object) {
+  const Eigen::Isometry3f T_object_camera = T_camera_object.inverse().cast<float>();
   std::unordered_map<VoxelKey, int, VoxelKeyHash> numbers;
   std::vector<int> patches;
   for (const auto& p : points)
-    patches.push_back(
-        numbers.try_emplace(VoxelKey::of(p, 1 / PATCH), static_cast<int>(numbers.size()))
-            .first->second);
+    patches.push_back(numbers
+                          .try_emplace(VoxelKey::of(T_object_camera * p, 1 / PATCH),
+                                       static_cast<int>(numbers.size()))
+                          .first->second);
   return patches;
 }
 
@@ -110,6 +115,7 @@ double shapeCost(const Fit& fit, const Fit& closest, const std::vector<int>& pat
   return variance > 0 ? sum * sum / variance / 2 : 0;
 }
 
+/// Negative log likelihoods.
 std::vector<double> costsOf(const std::vector<Fit>& fits, const std::vector<int>& patches) {
   const auto& closest = *std::min_element(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) {
     return a.mean_square < b.mean_square;
@@ -117,6 +123,7 @@ std::vector<double> costsOf(const std::vector<Fit>& fits, const std::vector<int>
   std::vector<double> costs;
   for (const auto& fit : fits)
     costs.push_back(shapeCost(fit, closest, patches) + fit.contact_cost + fit.color_cost);
+  costs.front() -= TURN_AT_HAND;
   return costs;
 }
 
@@ -127,7 +134,8 @@ std::vector<Eigen::Isometry3d> sameMotions(Symmetry symmetry) {
   return symmetryMotions(symmetry);
 }
 
-/// The share of the likelihood that the fits have which are the same pose as the best.
+/// The share of the likelihood that those fits have which are the best one's pose, up to the
+/// symmetry.
 double probabilityOf(std::size_t best, const std::vector<Fit>& fits,
                      const std::vector<double>& costs, const Symmetry& symmetry) {
   const auto motions = sameMotions(symmetry);
@@ -168,7 +176,7 @@ std::optional<SettledPose> settleTurn(const ModelIndex& index, int model,
   std::vector<Fit> fits{fit(T_camera_object)};
   for (const auto& turn : index.sparse(model).turns) fits.push_back(fit(T_camera_object * turn));
   for (auto& each : fits) spinByColor(index, model, colored, each);
-  const auto costs = costsOf(fits, patchesOf(near.points));
+  const auto costs = costsOf(fits, patchesOf(near.points, T_camera_object));
   const auto best = std::min_element(costs.begin(), costs.end()) - costs.begin();
   return SettledPose{fits[best].T_camera_object, std::sqrt(fits[best].mean_square),
                      fits[best].color,

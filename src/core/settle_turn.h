@@ -21,10 +21,9 @@ struct SettledPose {
 };
 
 /// Of all turns of a nearly symmetric object the one that fits its points, their colours and the
-/// table best, turned about an axis of symmetry as the colours have it.
-/// `points`: of the
-/// scene, in the order of their clusters; those about the object count [m]. `colored`: some of
-/// them, or none. `tables`: the main one first. None where no point is near the object.
+/// table best, turned about an axis of symmetry as the colours have it. `points`: of the scene;
+/// those about the object count [m]. `colored`: some of them, or none. `tables`: the main one
+/// first. None where no point is near the object.
 std::optional<SettledPose> settleTurn(const ModelIndex& index, int model,
                                       const Eigen::Isometry3d& T_camera_object,
                                       const std::vector<Eigen::Vector3f>& points,

@@ -10,11 +10,10 @@ constexpr double RADIUS = 0.004;  // about a point within which a scene's colour
 constexpr int MAX_REACH = 6;      // of it at most [pixels]
 constexpr int MIN_COMPARED = 20;  // points that tell whether colours are alike
 constexpr float DARK = 20;        // brightness below which hues fade, 0 to 255
-constexpr float MAX_LOG_GAIN = 1.1f;   // of the light on an object
-constexpr float MAX_TINT = 0.05f;      // of it, as a difference of chromaticities
-constexpr float CHROMA_NOISE = 0.06f;  // of like points
-constexpr float BRIGHTNESS_NOISE =
-    0.5f;  // of their logarithms: shades, and faces turned from the light
+constexpr float MAX_LOG_GAIN = 1.1f;      // of the light on an object
+constexpr float MAX_TINT = 0.05f;         // of it, as a difference of chromaticities
+constexpr float CHROMA_NOISE = 0.06f;     // of like points
+constexpr float BRIGHTNESS_NOISE = 0.5f;  // of their logarithms: shades, and faces off the light
 
 /// The mean over the pixels about a point that lie on its surface; none where nothing was seen.
 std::optional<Rgb> colorInPicture(const Observation& observation, const Eigen::Vector3f& p) {

@@ -10,7 +10,8 @@
 namespace tabletop_perception::tools {
 namespace {
 
-constexpr double PRIOR = 0.01;  // keeps the weights finite, see fitLogistic
+constexpr double PRIOR = 0.01;     // keeps the weights finite, see fitLogistic
+constexpr double SURE_TURN = 0.9;  // results less sure say little about the other evidence
 constexpr double LEAST_PROBABILITY = 1e-9;
 
 /// Mean negative log likelihood of the results under the scores they have.
@@ -30,7 +31,7 @@ void printScoreFit(const std::vector<PosedScene>& scenes, bool json) {
   for (const auto& scene : scenes)
     for (std::size_t r = 0; r < scene.results.size(); ++r) {
       const auto& result = scene.results[r];
-      if (!result.evidence) continue;
+      if (!result.evidence || result.evidence->turn < SURE_TURN) continue;
       rows.push_back(scoreTerms(*result.evidence));
       right.push_back(scene.right(r));
       scores.push_back(probabilityOf(*result.evidence));

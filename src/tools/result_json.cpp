@@ -115,15 +115,16 @@ ordered_json evidenceJson(const Evidence& evidence) {
 
 Evidence evidenceFrom(const nlohmann::json& json) {
   const auto number = [&](const char* key) { return json.at(key).get<double>(); };
+  // Results of before there were colours lack them.
   std::optional<double> color;
-  if (!json.at("color").is_null()) color = number("color");
+  if (json.contains("color") && !json.at("color").is_null()) color = number("color");
   return {{number("explained"), number("fitness"), number("visible"), number("hidden"),
            number("violation"), color},
           number("rms"),
           number("area"),
           number("margin"),
           number("lift"),
-          number("turn")};
+          json.value("turn", 1.0)};
 }
 
 ordered_json recognitionJson(const Scene& scene, const Recognition& recognition) {

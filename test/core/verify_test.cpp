@@ -205,6 +205,15 @@ TEST(Verify, TheProbabilityFollowsTheEvidence) {
   Evidence off = good;
   off.rms = 0.003;
   EXPECT_LT(probabilityOf(off), 0.5) << "3 mm off everywhere";
+  Evidence alike = good;
+  alike.agreement.color = 0.9;
+  EXPECT_EQ(probabilityOf(alike), sure) << "no more sure than a thing whose colours are not known";
+  Evidence unlike = good;
+  unlike.agreement.color = 0.1;
+  EXPECT_LT(probabilityOf(unlike), 0.5);
+  Evidence turned = good;
+  turned.turn = 0.5;
+  EXPECT_EQ(probabilityOf(turned), sure / 2);
   EXPECT_LT(probabilityOf(Evidence()), 1e-6) << "nothing explained, nothing seen";
 }
 
