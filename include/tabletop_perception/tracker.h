@@ -63,6 +63,9 @@ class Tracker {
  public:
   explicit Tracker(const TrackerOptions& options = {}) : options_(options) {}
 
+  /// What is tracked stays.
+  void setOptions(const TrackerOptions& options) { options_ = options; }
+
   /// The things that a frame's sightings are of, in their order. `stamp`: time of the frame [s];
   /// when it lies before the last one (a bag begins anew), what is remembered counts as seen just
   /// now.
