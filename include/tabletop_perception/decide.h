@@ -13,6 +13,7 @@
 #include "tabletop_perception/model_index.h"
 #include "tabletop_perception/refine.h"
 #include "tabletop_perception/table.h"
+#include "tabletop_perception/uncertainty.h"
 #include "tabletop_perception/verify.h"
 
 namespace tabletop_perception {
@@ -23,6 +24,7 @@ struct SceneObject {
   std::string name = "unknown";       ///< of the object in the database
   double score = 0;                   ///< probability of being right, 0 to 1
   Eigen::Isometry3d T_camera_object = Eigen::Isometry3d::Identity();  ///< unknown: its box's pose
+  PoseUncertainty uncertainty;                                        ///< of a known object's pose
   double fitness = 0;  ///< RMS distance of the explained points [m]
   double visible = 0;  ///< share of the model's surface that was seen, 0 to 1
   int points = 0;      ///< of the cloud

@@ -13,7 +13,7 @@
 namespace tabletop_perception {
 
 struct RefineOptions {
-  std::string method = "point_to_plane";  ///< or "point_to_point"
+  std::string method = "point_to_plane";  ///< or "point_to_point", "gicp"
   int max_iterations = 40;
   double start_distance = 0.03;      ///< farthest correspondence at the first iteration [m]
   double max_distance = 0.008;       ///< farthest correspondence at the last iterations [m]
@@ -24,7 +24,7 @@ struct RefineOptions {
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
-    visit("method", method, Choices{{"point_to_plane", "point_to_point"}});
+    visit("method", method, Choices{{"point_to_plane", "point_to_point", "gicp"}});
     visit("max_iterations", max_iterations, Range{1, 1000});
     visit("start_distance", start_distance, Range{0.001, 0.5});
     visit("max_distance", max_distance, Range{0.001, 0.5});
@@ -46,7 +46,8 @@ struct Alignment {
 
 /// ICP of a cluster's points against the whole model that a grid was made of, starting at
 /// `T_camera_object`: closest points
-/// (Besl & McKay 1992) or tangent planes (Chen & Medioni 1992), trimmed (Chetverikov et al. 2002).
+/// (Besl & McKay 1992), tangent planes (Chen & Medioni 1992) or plane to plane (GICP; Segal,
+/// Haehnel, Thrun 2009), trimmed (Chetverikov et al. 2002).
 /// Points that are not finite count for nothing. None, with the reason, when fewer than 6
 /// points or `min_overlap` of them find a correspondence.
 Found<Alignment> refinePose(const PlanarSurface& cluster, const NearestGrid& model,

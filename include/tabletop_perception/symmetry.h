@@ -31,4 +31,9 @@ Symmetry declaredSymmetry(const std::string& words, const Eigen::Vector3d& cente
 /// sampled in `steps` turns.
 std::vector<Eigen::Isometry3d> symmetryMotions(const Symmetry& symmetry, int steps = 72);
 
+/// Whether an object looks the same at two poses: its centre of symmetry moves by `shift` [m] at
+/// most and it turns by `turn` [rad] at most, up to its symmetry.
+bool samePose(const Symmetry& symmetry, const Eigen::Isometry3d& T_camera_a,
+              const Eigen::Isometry3d& T_camera_b, double shift, double turn);
+
 }  // namespace tabletop_perception

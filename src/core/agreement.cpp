@@ -45,10 +45,12 @@ struct Shown {
 };
 
 /// Range and slack of points of a model, and the pixels where they should appear; -1 for none.
-TABLETOP_SIMD_CLONES void project(const PlanarBlock& model, const Sight& sight, float* ranges,
-                                  float* slacks, std::int32_t* pixels) {
+TABLETOP_SIMD_CLONES void project(const PlanarBlock& __restrict model,
+                                  const Sight& __restrict sight, float* __restrict ranges,
+                                  float* __restrict slacks, std::int32_t* __restrict pixels) {
   const float* T = sight.T;
   const auto width = static_cast<std::int32_t>(sight.width);
+  const auto height = static_cast<std::int32_t>(sight.height);
   for (int i = 0; i < SIZE; ++i) {
     const float x = T[0] * model.x[i] + T[1] * model.y[i] + T[2] * model.z[i] + T[3];
     const float y = T[4] * model.x[i] + T[5] * model.y[i] + T[6] * model.z[i] + T[7];
@@ -58,15 +60,20 @@ TABLETOP_SIMD_CLONES void project(const PlanarBlock& model, const Sight& sight, 
     const float nz = T[8] * model.nx[i] + T[9] * model.ny[i] + T[10] * model.nz[i];
     const float range = std::sqrt(x * x + y * y + z * z);
     const float facing = -(nx * x + ny * y + nz * z) / range;
-    // The order of arguments turns NaN into -1. Half a pixel on: the nearest is the one below.
-    const float u = std::min(sight.width, std::max(-1.0f, sight.fx * x / z + sight.cx + 0.5f));
-    const float v = std::min(sight.height, std::max(-1.0f, sight.fy * y / z + sight.cy + 0.5f));
-    const bool inside =
-        (z * sight.forward > 0) & (u >= 0) & (v >= 0) & (u < sight.width) & (v < sight.height);
-    const std::int32_t pixel = static_cast<std::int32_t>(v) * width + static_cast<std::int32_t>(u);
+    // One more than the pixel, where truncation is floor; half a pixel on, as the nearest is the
+    // one below. The order of arguments turns NaN into 0.
+    const float right =
+        std::min(sight.width + 1, std::max(0.0f, sight.fx * x / z + sight.cx + 1.5f));
+    const float down =
+        std::min(sight.height + 1, std::max(0.0f, sight.fy * y / z + sight.cy + 1.5f));
+    const std::int32_t u = static_cast<std::int32_t>(right) - 1;
+    const std::int32_t v = static_cast<std::int32_t>(down) - 1;
+    // All bits set where one of them is negative. By bits: a choice would become a jump.
+    const std::int32_t outside = (u | v | (width - 1 - u) | (height - 1 - v)) >> 31;
+    const std::int32_t behind = static_cast<std::int32_t>(z * sight.forward > 0) - 1;
     ranges[i] = range;
     slacks[i] = sight.slack / std::max(MIN_FACING, facing);
-    pixels[i] = inside ? pixel : -1;
+    pixels[i] = (v * width + u) | outside | behind;
   }
 }
 

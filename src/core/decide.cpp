@@ -5,16 +5,22 @@
 #include <cstdio>
 #include <limits>
 
+#include "marks.h"
+#include "near_model.h"
+#include "polish_pose.h"
 #include "settle_turn.h"
 #include "tabletop_perception/normals.h"
+#include "tabletop_perception/symmetry.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr double REACH = 0.03;             // of points about a candidate that ICP sees [m]
-constexpr int MAX_SOURCE_POINTS = 600;     // that ICP looks at
-constexpr double MIN_PROMISE_RATIO = 0.6;  // of a candidate to the best one of its proposal
-constexpr double MIN_OWN_SHARE = 0.7;      // of an object's points that no other object explains
+constexpr double REACH = 0.03;                  // of points about a candidate that ICP sees [m]
+constexpr std::size_t MAX_SOURCE_POINTS = 600;  // that ICP looks at
+constexpr double MIN_PROMISE_RATIO = 0.6;       // of a candidate to the best one of its proposal
+constexpr double TWIN_SHIFT = 0.002;            // of two hypotheses that are one [m]
+constexpr double TWIN_TURN = 0.02;              // [rad]
+constexpr double MIN_OWN_SHARE = 0.7;  // of an object's points that no other object explains
 constexpr double RIVAL_OVERLAP = 0.5;  // share of an object's points that a rival explains as well
 constexpr double MIN_SHARE_OF_CLUSTER = 0.3;  // that an object explains if the cluster shows it
 constexpr double TAKEN_SHARE = 0.5;    // of a cluster that objects explain: it is no unknown thing
@@ -25,44 +31,20 @@ constexpr double MIN_LEFT_SHARE = 0.15;  // of a cluster that is worth another l
 
 /// The sampled points of all clusters.
 struct Standing {
-  std::vector<Surface> parts;        ///< smooth parts of the clusters, one after the other
-  std::vector<int> cluster_of_part;  ///< index of the cluster
+  std::vector<Surface> parts;         ///< smooth parts of the clusters, one after the other
+  std::vector<PlanarSurface> planar;  ///< the same, for kernels
+  std::vector<int> cluster_of_part;   ///< index of the cluster
 
   Standing(const Cloud& scene, const std::vector<Indices>& clusters,
            const DescriptorOptions& options) {
     for (std::size_t k = 0; k < clusters.size(); ++k)
       for (auto& part : smoothParts(sampleCluster(scene, clusters[k], options), options)) {
+        planar.emplace_back(part);
         parts.push_back(std::move(part));
         cluster_of_part.push_back(static_cast<int>(k));
       }
   }
 };
-
-/// Whether each point of each part is marked.
-using Marks = std::vector<std::vector<bool>>;
-
-Marks noMarks(const Standing& standing) {
-  Marks marks;
-  for (const auto& part : standing.parts) marks.emplace_back(part.size(), false);
-  return marks;
-}
-
-int countOf(const std::vector<bool>& marks) {
-  return static_cast<int>(std::count(marks.begin(), marks.end(), true));
-}
-
-int countOf(const Marks& marks) {
-  int count = 0;
-  for (const auto& of_part : marks) count += countOf(of_part);
-  return count;
-}
-
-int commonOf(const Marks& a, const Marks& b) {
-  int count = 0;
-  for (std::size_t p = 0; p < a.size(); ++p)
-    for (std::size_t i = 0; i < a[p].size(); ++i) count += a[p][i] && b[p][i];
-  return count;
-}
 
 void append(const Surface& from, std::size_t i, Surface& to) {
   to.points.push_back(from.points[i]);
@@ -84,6 +66,7 @@ struct Hypothesis {
   Marks explained;
   int points;      ///< that it explains
   double rms = 0;  ///< distance of the points about it from its tangent planes [m]
+  PoseUncertainty uncertainty;
 
   double worth() const { return verification.score * points; }
   bool stands() const { return verification.reason.empty(); }
@@ -104,7 +87,7 @@ class Decision {
         verify_(verify),
         observations_(scene, tables),
         standing_(scene, clusters, index.descriptorOptions()),
-        taken_(noMarks(standing_)),
+        taken_(standing_.parts),
         reasons_(clusters.size()) {}
 
   void judge(const Proposal& proposal) {
@@ -136,9 +119,9 @@ class Decision {
         continue;
       }
       const std::string refusal = marginRefusal(hypothesis);
-      take(hypothesis.explained);
+      taken_.mark(hypothesis.explained);
       if (refusal.empty()) {
-        objects_.push_back(knownObject(settled, score));
+        objects_.push_back(knownObject(polished(settled)));
         continue;
       }
       undecided_.push_back(hypothesis.explained);
@@ -162,6 +145,15 @@ class Decision {
     hypothesis.rms = settled->rms;
   }
 
+  /// With the pose that leaves, and how far that may be off.
+  Hypothesis polished(Hypothesis hypothesis) const {
+    const auto pose = polishPose(index_, hypothesis.model, hypothesis.T_camera_object,
+                                 pointsOfClusters(hypothesis), refine_);
+    hypothesis.T_camera_object = pose.T_camera_object;
+    hypothesis.uncertainty = pose.uncertainty;
+    return hypothesis;
+  }
+
   /// Matches what is left of clusters that objects were found in.
   void judgeRest(const std::vector<Proposal>& proposals) {
     for (const auto& proposal : proposals) {
@@ -172,7 +164,7 @@ class Decision {
         if (!isMember(standing_.cluster_of_part[p], proposal.labels)) continue;
         Surface rest;
         for (std::size_t i = 0; i < standing_.parts[p].size(); ++i) {
-          if (taken_[p][i]) continue;
+          if (taken_.at(p, i)) continue;
           append(standing_.parts[p], i, rest);
           append(standing_.parts[p], i, all);
         }
@@ -228,20 +220,38 @@ class Decision {
           model,
           alignment->T_camera_object,
           verifyPose(index_, model, alignment->T_camera_object, parts, observation, verify_),
-          {},
-          0};
+          Marks(standing_.parts),
+          0,
+          0,
+          {}};
       if (hypothesis.verification.score > best_score) {
         best_score = hypothesis.verification.score;
         reason = hypothesis.stands() ? "" : candidate.name + ": " + hypothesis.verification.reason;
       }
       if (!hypothesis.stands()) continue;
-      for (const auto& part : standing_.parts)
-        hypothesis.explained.push_back(
-            explainedPoints(index_, model, hypothesis.T_camera_object, part, verify_.tolerance));
-      hypothesis.points = countOf(hypothesis.explained);
-      hypotheses_.push_back(std::move(hypothesis));
+      const auto twin = twinOf(hypothesis);
+      if (twin != hypotheses_.end() && twin->verification.score >= hypothesis.verification.score)
+        continue;
+      for (std::size_t p = 0; p < standing_.parts.size(); ++p)
+        hypothesis.explained.mark(p, explainedPoints(index_, model, hypothesis.T_camera_object,
+                                                     standing_.planar[p], verify_.tolerance));
+      hypothesis.points = hypothesis.explained.count();
+      if (twin != hypotheses_.end())
+        *twin = std::move(hypothesis);
+      else
+        hypotheses_.push_back(std::move(hypothesis));
     }
     return reason;
+  }
+
+  /// The hypothesis of the same object at the same place, which another cluster or union led to.
+  std::vector<Hypothesis>::iterator twinOf(const Hypothesis& hypothesis) {
+    const Symmetry& symmetry = index_.models()[hypothesis.model].symmetry;
+    return std::find_if(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& other) {
+      return other.model == hypothesis.model &&
+             samePose(symmetry, other.T_camera_object, hypothesis.T_camera_object, TWIN_SHIFT,
+                      TWIN_TURN);
+    });
   }
 
   /// The points near a model, which ICP is to lay it on.
@@ -253,10 +263,7 @@ class Decision {
       for (std::size_t i = 0; i < part.size(); ++i)
         if (within[i]) append(part, i, near);
     }
-    const std::size_t step = near.size() / MAX_SOURCE_POINTS + 1;
-    Surface source;
-    for (std::size_t i = 0; i < near.size(); i += step) append(near, i, source);
-    return source;
+    return thinned(near, MAX_SOURCE_POINTS);
   }
 
   /// The points of all clusters in which a hypothesis explains any, unsampled.
@@ -290,11 +297,12 @@ class Decision {
     Rival rival;
     for (const auto& other : hypotheses_) {
       if (other.model == best.model || !other.stands()) continue;
-      if (commonOf(other.explained, best.explained) < RIVAL_OVERLAP * best.points) continue;
       const double score =
           other.verification.score * std::min(1.0, static_cast<double>(other.points) / best.points);
       const double margin = best.verification.score - score;
-      if (margin < rival.margin) rival = {&other, margin};
+      if (margin >= rival.margin) continue;
+      if (commonOf(other.explained, best.explained) < RIVAL_OVERLAP * best.points) continue;
+      rival = {&other, margin};
     }
     return rival;
   }
@@ -318,20 +326,28 @@ class Decision {
     if (lowest < UNDERSIDE) return false;
     const Eigen::Vector3f up = table.plane.head<3>().cast<float>();
     std::vector<Eigen::Vector3f> foot;
-    for (const auto& p : surface)
-      if (heightAbove(table, p) < lowest + UNDERSIDE) foot.push_back(p);
+    Eigen::AlignedBox3f about;  // what carries it lies in there
+    for (const auto& p : surface) {
+      if (heightAbove(table, p) >= lowest + UNDERSIDE) continue;
+      foot.push_back(p);
+      about.extend(p);
+    }
+    const auto reach = Eigen::Vector3f::Constant(CARRIER_NEAR + 2 * UNDERSIDE);
+    about = Eigen::AlignedBox3f(about.min() - reach, about.max() + reach);
     const auto isUnder = [&](const Eigen::Vector3f& p) {
       const double height = heightAbove(table, p) - lowest;
-      if (height > CARRIER_NEAR / 2 || height < -UNDERSIDE) return false;
+      if (height > CARRIER_NEAR / 2 || height < -UNDERSIDE || !about.contains(p)) return false;
       return std::any_of(foot.begin(), foot.end(), [&](const Eigen::Vector3f& q) {
         return up.cross(p - q).norm() < CARRIER_NEAR;
       });
     };
     int under = 0;
     for (std::size_t k = 0; k < standing_.parts.size(); ++k)
-      for (std::size_t i = 0; i < standing_.parts[k].size(); ++i)
-        under += !hypothesis.explained[k][i] && isUnder(standing_.parts[k].points[i]);
-    return under >= MIN_CARRIER_POINTS;
+      for (std::size_t i = 0; i < standing_.parts[k].size(); ++i) {
+        under += !hypothesis.explained.at(k, i) && isUnder(standing_.parts[k].points[i]);
+        if (under == MIN_CARRIER_POINTS) return true;
+      }
+    return false;
   }
 
   std::string marginRefusal(const Hypothesis& best) const {
@@ -344,18 +360,12 @@ class Decision {
     return text;
   }
 
-  void take(const Marks& marks) {
-    for (std::size_t p = 0; p < marks.size(); ++p)
-      for (std::size_t i = 0; i < marks[p].size(); ++i)
-        if (marks[p][i]) taken_[p][i] = true;
-  }
-
   double shareOfCluster(const Marks& marks, std::size_t cluster) const {
     double marked = 0, all = 0;
-    for (std::size_t p = 0; p < marks.size(); ++p) {
+    for (std::size_t p = 0; p < standing_.parts.size(); ++p) {
       if (standing_.cluster_of_part[p] != static_cast<int>(cluster)) continue;
-      marked += countOf(marks[p]);
-      all += static_cast<double>(marks[p].size());
+      marked += marks.count(p);
+      all += static_cast<double>(standing_.parts[p].size());
     }
     return all > 0 ? marked / all : 0;
   }
@@ -370,14 +380,15 @@ class Decision {
     return begun && rest;
   }
 
-  SceneObject knownObject(const Hypothesis& hypothesis, double score) const {
+  SceneObject knownObject(const Hypothesis& hypothesis) const {
     SceneObject object;
     object.name = index_.models()[hypothesis.model].name;
-    object.score = score;
     object.T_camera_object = hypothesis.T_camera_object;
+    object.uncertainty = hypothesis.uncertainty;
     object.fitness = hypothesis.verification.agreement.fitness;
     object.visible = hypothesis.verification.agreement.visible;
     object.evidence = evidenceOf(hypothesis);
+    object.score = probabilityOf(object.evidence);
     std::vector<double> shares;
     for (std::size_t k = 0; k < clusters_.size(); ++k)
       shares.push_back(shareOfCluster(hypothesis.explained, k));

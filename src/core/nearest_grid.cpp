@@ -18,13 +18,22 @@ constexpr float NONE = std::numeric_limits<float>::infinity();
 struct Lattice {
   float T[12];  // rows of rotation and translation
   float origin[3], inverse_cell;
-  float size[3];
+  std::int32_t size[3];
 };
 
 /// The points at the pose, and the cell of each; -1 outside of the grid.
-TABLETOP_SIMD_CLONES void locate(const PlanarBlock& points, const Lattice& lattice,
-                                 Correspondences& out, std::int32_t* cells) {
+TABLETOP_SIMD_CLONES void locate(const PlanarBlock& __restrict points,
+                                 const Lattice& __restrict lattice, Correspondences& __restrict out,
+                                 std::int32_t* __restrict cells) {
   const float* T = lattice.T;
+  const std::int32_t width = lattice.size[0], height = lattice.size[1], depth = lattice.size[2];
+  // One more than the cell along an axis, from 0 to that beyond the end: there truncation is floor.
+  // The order of arguments turns NaN into 0.
+  const auto along = [&](float offset, float last) {
+    return static_cast<std::int32_t>(
+        std::min(last, std::max(0.0f, offset * lattice.inverse_cell + 1)));
+  };
+  const float ends[3] = {width + 1.0f, height + 1.0f, depth + 1.0f};
   for (int i = 0; i < SIZE; ++i) {
     const float x = T[0] * points.x[i] + T[1] * points.y[i] + T[2] * points.z[i] + T[3];
     const float y = T[4] * points.x[i] + T[5] * points.y[i] + T[6] * points.z[i] + T[7];
@@ -32,21 +41,13 @@ TABLETOP_SIMD_CLONES void locate(const PlanarBlock& points, const Lattice& latti
     out.x[i] = x;
     out.y[i] = y;
     out.z[i] = z;
-    // The order of arguments turns NaN into -1.
-    const float u =
-        std::min(lattice.size[0], std::max(-1.0f, (x - lattice.origin[0]) * lattice.inverse_cell));
-    const float v =
-        std::min(lattice.size[1], std::max(-1.0f, (y - lattice.origin[1]) * lattice.inverse_cell));
-    const float w =
-        std::min(lattice.size[2], std::max(-1.0f, (z - lattice.origin[2]) * lattice.inverse_cell));
-    const bool inside = (u >= 0) & (v >= 0) & (w >= 0) & (u < lattice.size[0]) &
-                        (v < lattice.size[1]) & (w < lattice.size[2]);
-    const auto width = static_cast<std::int32_t>(lattice.size[0]);
-    const auto height = static_cast<std::int32_t>(lattice.size[1]);
-    const std::int32_t cell =
-        (static_cast<std::int32_t>(w) * height + static_cast<std::int32_t>(v)) * width +
-        static_cast<std::int32_t>(u);
-    cells[i] = inside ? cell : -1;
+    const std::int32_t u = along(x - lattice.origin[0], ends[0]) - 1;
+    const std::int32_t v = along(y - lattice.origin[1], ends[1]) - 1;
+    const std::int32_t w = along(z - lattice.origin[2], ends[2]) - 1;
+    // All bits set where one of them is negative. By bits: a choice would become a jump.
+    const std::int32_t outside =
+        (u | v | w | (width - 1 - u) | (height - 1 - v) | (depth - 1 - w)) >> 31;
+    cells[i] = ((w * height + v) * width + u) | outside;
   }
 }
 
@@ -119,7 +120,7 @@ void NearestGrid::correspond(const PlanarBlock& points, const Eigen::Isometry3f&
   Eigen::Map<Eigen::Matrix<float, 3, 4, Eigen::RowMajor>>(lattice.T) =
       T_surface_points.matrix().topRows<3>();
   Eigen::Map<Eigen::Vector3f>(lattice.origin) = origin_;
-  Eigen::Map<Eigen::Array3f>(lattice.size) = size_.cast<float>();
+  Eigen::Map<Eigen::Array3i>(lattice.size) = size_;
   lattice.inverse_cell = inverse_cell_;
 
   if (facets_.empty()) {

@@ -9,6 +9,7 @@
 
 #include "grid_normals.h"
 #include "integral_normals.h"
+#include "radius_grid.h"
 #include "tabletop_perception/kd_tree.h"
 #include "voxel_key.h"
 
@@ -16,19 +17,6 @@ namespace tabletop_perception {
 namespace {
 
 constexpr int MIN_NEIGHBORS = 4;  // three points always lie on a plane, whatever they are
-
-/// Sums over a neighbourhood, relative to its middle point so that float noise stays small.
-struct Moments {
-  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-  Eigen::Matrix3f products = Eigen::Matrix3f::Zero();
-  int count = 0;
-
-  void add(const Eigen::Vector3f& d) {
-    sum += d;
-    products += d * d.transpose();
-    ++count;
-  }
-};
 
 struct PlaneFit {
   Eigen::Vector3f normal;
@@ -59,7 +47,12 @@ Moments nearestMoments(const KdTree& tree, const Eigen::Vector3f& p, int k,
                        std::vector<KdTree::Neighbor>& nearest) {
   tree.nearest(p, k, nearest);
   Moments moments;
-  for (const auto& neighbor : nearest) moments.add(tree.points()[neighbor.index] - p);
+  for (const auto& neighbor : nearest) {
+    const Eigen::Vector3f d = tree.points()[neighbor.index] - p;
+    moments.sum += d;
+    moments.products += d * d.transpose();
+    ++moments.count;
+  }
   return moments;
 }
 
@@ -99,14 +92,11 @@ Normals computeNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
 
 Surface sampleSurface(const std::vector<Eigen::Vector3f>& points, double leaf, double radius,
                       const Eigen::Vector3f& viewpoint) {
-  const KdTree tree(voxelMeans(points, leaf));
+  const auto means = voxelMeans(points, leaf);
+  const RadiusGrid near(means, radius);
   Surface surface;
-  std::vector<KdTree::Neighbor> within;
-  for (const auto& p : tree.points()) {
-    tree.within(p, radius, within);
-    Moments moments;
-    for (const auto& neighbor : within) moments.add(tree.points()[neighbor.index] - p);
-    const auto fit = fitPlane(moments);
+  for (const auto& p : means) {
+    const auto fit = fitPlane(near.momentsAbout(p));
     if (!fit) continue;
     surface.points.push_back(p);
     surface.normals.push_back(turnedTowards(fit->normal, p, viewpoint));

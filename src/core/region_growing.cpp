@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "radius_grid.h"
 #include "tabletop_perception/kd_tree.h"
 
 namespace tabletop_perception {
@@ -51,37 +52,36 @@ class TreeNeighbors {
 };
 
 /// The points around each point of a surface, looked up once for curvature and growth.
-std::vector<Indices> neighborsOf(const Surface& surface, double gap) {
-  const KdTree tree(surface.points);
-  std::vector<KdTree::Neighbor> within;
-  std::vector<Indices> neighbors(surface.size());
-  for (std::size_t i = 0; i < surface.size(); ++i) {
-    tree.within(surface.points[i], gap, within);
-    for (const auto& neighbor : within) neighbors[i].push_back(neighbor.index);
-  }
-  return neighbors;
-}
-
 class ListedNeighbors {
  public:
-  explicit ListedNeighbors(const std::vector<Indices>& neighbors) : neighbors_(neighbors) {}
+  ListedNeighbors(const Surface& surface, double gap) {
+    const RadiusGrid near(surface.points, gap);
+    begins_.push_back(0);
+    for (const auto& p : surface.points) {
+      near.appendWithin(p, neighbors_);
+      begins_.push_back(neighbors_.size());
+    }
+  }
+
+  std::size_t count(std::size_t i) const { return begins_[i + 1] - begins_[i]; }
 
   template <typename Visit>
-  void visit(int i, Visit visit) {
-    for (const int j : neighbors_[i]) visit(j);
+  void visit(std::size_t i, Visit visit) const {
+    for (std::size_t k = begins_[i]; k < begins_[i + 1]; ++k) visit(neighbors_[k]);
   }
 
  private:
-  const std::vector<Indices>& neighbors_;
+  std::vector<std::size_t> begins_;  // of each point's neighbours, and the end
+  Indices neighbors_;
 };
 
 /// How much the normals around each point cancel out.
-std::vector<float> bendOf(const Surface& surface, const std::vector<Indices>& neighbors) {
+std::vector<float> bendOf(const Surface& surface, const ListedNeighbors& neighbors) {
   std::vector<float> bend(surface.size());
   for (std::size_t i = 0; i < surface.size(); ++i) {
     Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-    for (const int j : neighbors[i]) sum += surface.normals[j];
-    bend[i] = 1 - sum.norm() / static_cast<float>(neighbors[i].size());
+    neighbors.visit(i, [&](int j) { sum += surface.normals[j]; });
+    bend[i] = 1 - sum.norm() / static_cast<float>(neighbors.count(i));
   }
   return bend;
 }
@@ -98,7 +98,7 @@ Indices seedsOf(const Cloud& cloud, const Normals& normals, double max_curvature
 
 template <typename Neighbors>
 std::vector<Indices> grow(const Cloud& cloud, const Normals& normals,
-                          const RegionGrowingOptions& options, Neighbors neighbors) {
+                          const RegionGrowingOptions& options, Neighbors&& neighbors) {
   const auto min_cosine = static_cast<float>(std::cos(options.smooth_angle_deg * M_PI / 180));
   std::vector<bool> taken(cloud.size(), false);
   std::vector<Indices> regions;
@@ -143,7 +143,7 @@ std::vector<Indices> growRegions(const Cloud& cloud, const Normals& normals,
 
 std::vector<Indices> growRegions(const Surface& surface, const RegionGrowingOptions& options) {
   checkOptions("region_growing", options);
-  const auto neighbors = neighborsOf(surface, options.gap);
+  const ListedNeighbors neighbors(surface, options.gap);
   Cloud cloud(static_cast<int>(surface.size()), 1, false);
   Normals normals{{}, {}, {}, bendOf(surface, neighbors)};
   for (std::size_t i = 0; i < surface.size(); ++i) {
@@ -152,7 +152,7 @@ std::vector<Indices> growRegions(const Surface& surface, const RegionGrowingOpti
     normals.y.push_back(surface.normals[i].y());
     normals.z.push_back(surface.normals[i].z());
   }
-  return grow(cloud, normals, options, ListedNeighbors(neighbors));
+  return grow(cloud, normals, options, neighbors);
 }
 
 }  // namespace tabletop_perception

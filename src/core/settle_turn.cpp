@@ -4,15 +4,17 @@
 #include <cmath>
 #include <limits>
 
+#include "near_model.h"
 #include "tabletop_perception/geometry.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr int MAX_TURN_POINTS = 3000;    // that tell near symmetries apart
-constexpr double TURN_REACH = 0.015;     // of points about the model that count [m]
-constexpr double TURN_DISTANCE = 0.006;  // farther off a point says no more [m]
-constexpr double CONTACT_NOISE = 0.001;  // of the table's height under an object [m]
+constexpr std::size_t MAX_TURN_POINTS = 3000;   // that tell near symmetries apart
+constexpr std::size_t MAX_SOURCE_POINTS = 800;  // of them, that ICP moves
+constexpr double TURN_REACH = 0.015;            // of points about the model that count [m]
+constexpr double TURN_DISTANCE = 0.006;         // farther off a point says no more [m]
+constexpr double CONTACT_NOISE = 0.001;         // of the table's height under an object [m]
 constexpr double MAX_CONTACT_GAP =
     0.004;                             // farther above or below it an object is held otherwise [m]
 constexpr double FINEST_RMS = 0.0003;  // of points on a model, for its own sampling [m]
@@ -25,30 +27,6 @@ struct Fit {
   double correlation = 0;   ///< of neighboring points' distances, 0 to 1
   double contact_cost = 0;  ///< negative log likelihood of its height above the table
 };
-
-/// At most MAX_TURN_POINTS of the points about a model, with the normals of the model there.
-Surface pointsNear(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
-                   const std::vector<Eigen::Vector3f>& points) {
-  const auto& grid = index.grid(model);
-  const auto& surface = index.models()[model].surface;
-  const Eigen::Isometry3f T = T_camera_object.cast<float>();
-  const Eigen::Isometry3f T_object_camera = T.inverse();
-  Surface near;
-  for (const auto& point : points) {
-    const Eigen::Vector3f p = T_object_camera * point;
-    const int nearest = grid.nearest(p);
-    if (nearest < 0 || (surface.points[nearest] - p).norm() > TURN_REACH) continue;
-    near.points.push_back(point);
-    near.normals.push_back(T.linear() * surface.normals[nearest]);
-  }
-  const std::size_t step = near.size() / MAX_TURN_POINTS + 1;
-  Surface few;
-  for (std::size_t i = 0; i < near.size(); i += step) {
-    few.points.push_back(near.points[i]);
-    few.normals.push_back(near.normals[i]);
-  }
-  return few;
-}
 
 /// How unlikely it is that a model stands on the table like this: negative log likelihood.
 double contactCost(const Surface& model, const Eigen::Isometry3d& T_camera_object,
@@ -112,13 +90,14 @@ std::optional<SettledPose> settleTurn(const ModelIndex& index, int model,
                                       const std::vector<Eigen::Vector3f>& points,
                                       const std::vector<Table>& tables,
                                       const RefineOptions& refine) {
-  const Surface near = pointsNear(index, model, T_camera_object, points);
+  const Surface near =
+      pointsNearModel(index, model, T_camera_object, points, TURN_REACH, MAX_TURN_POINTS);
   if (near.empty()) return std::nullopt;
   const Table* table =
       tables.empty() ? nullptr : &tables[tableUnder(tables, centroidOf(near.points))];
   RefineOptions fine = refine;
   fine.start_distance = fine.max_distance = TURN_DISTANCE;
-  const PlanarSurface source(near);
+  const PlanarSurface source(thinned(near, MAX_SOURCE_POINTS));
   const auto fit = [&](const Eigen::Isometry3d& start) {
     return fitOf(index.grid(model), index.models()[model].surface, start, near, source, table,
                  fine);

@@ -334,4 +334,18 @@ std::vector<Eigen::Isometry3d> symmetryMotions(const Symmetry& symmetry, int ste
   return motions;
 }
 
+bool samePose(const Symmetry& symmetry, const Eigen::Isometry3d& T_camera_a,
+              const Eigen::Isometry3d& T_camera_b, double shift, double turn) {
+  if ((T_camera_a * symmetry.center - T_camera_b * symmetry.center).norm() > shift) return false;
+  const Eigen::Matrix3d R = T_camera_a.linear().transpose() * T_camera_b.linear();
+  const auto isSmall = [&](const Eigen::Matrix3d& rotation) {
+    if (symmetry.continuous()) return symmetry.axis.dot(rotation * symmetry.axis) >= std::cos(turn);
+    return angleOf(rotation) <= turn;
+  };
+  return isSmall(R) || std::any_of(symmetry.rotations.begin(), symmetry.rotations.end(),
+                                   [&](const Eigen::Matrix3d& turned) {
+                                     return isSmall(R * turned.transpose());
+                                   });
+}
+
 }  // namespace tabletop_perception

@@ -134,6 +134,16 @@ Eigen::Isometry3d poseFromMessage(const geometry_msgs::Pose& message) {
          Eigen::Quaterniond(q.w, q.x, q.y, q.z).normalized();
 }
 
+CovarianceMessage messageFromCovariance(const Eigen::Matrix<double, 6, 6>& covariance) {
+  CovarianceMessage message;
+  std::copy_n(covariance.data(), message.size(), message.begin());
+  return message;
+}
+
+Eigen::Matrix<double, 6, 6> covarianceFromMessage(const CovarianceMessage& message) {
+  return Eigen::Map<const Eigen::Matrix<double, 6, 6>>(message.data());
+}
+
 geometry_msgs::TransformStamped transformMessage(const geometry_msgs::Pose& pose,
                                                  const std_msgs::Header& header,
                                                  const std::string& child_frame_id) {
@@ -228,6 +238,8 @@ RecognizedObject messageFromObject(const SceneObject& object, std::uint32_t id,
   message.child_frame_id = objectFrame(object.name, id);
   message.score = object.score;
   message.pose = messageFromPose(object.T_camera_object);
+  message.pose_covariance = messageFromCovariance(object.uncertainty.covariance);
+  message.free_directions = static_cast<std::uint8_t>(object.uncertainty.free_directions);
   message.fitness = object.fitness;
   message.visible = object.visible;
   message.labels = object.labels;

@@ -49,6 +49,11 @@ Eigen::Vector3d pointFromMessage(const geometry_msgs::Point& message);
 geometry_msgs::Pose messageFromPose(const Eigen::Isometry3d& pose);
 Eigen::Isometry3d poseFromMessage(const geometry_msgs::Pose& message);
 
+/// A symmetric 6 x 6 matrix, row by row.
+using CovarianceMessage = RecognizedObject::_pose_covariance_type;
+CovarianceMessage messageFromCovariance(const Eigen::Matrix<double, 6, 6>& covariance);
+Eigen::Matrix<double, 6, 6> covarianceFromMessage(const CovarianceMessage& message);
+
 /// The pose of `child_frame_id` in the header's frame, for tf.
 geometry_msgs::TransformStamped transformMessage(const geometry_msgs::Pose& pose,
                                                  const std_msgs::Header& header,

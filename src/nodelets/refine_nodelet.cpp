@@ -61,6 +61,8 @@ RecognizedObject movedTo(const std::string& target_frame, const Eigen::Isometry3
   object.header.frame_id = target_frame;
   object.pose = messageFromPose(T_target_camera * poseFromMessage(object.pose));
   object.box_pose = messageFromPose(T_target_camera * poseFromMessage(object.box_pose));
+  object.pose_covariance = messageFromCovariance(
+      turnedCovariance(covarianceFromMessage(object.pose_covariance), T_target_camera.linear()));
   return object;
 }
 

@@ -12,6 +12,7 @@
 
 #include <opencv2/core/utility.hpp>
 
+#include "benchmark_frame.h"
 #include "benchmark_recognition.h"
 #include "stock_pcl.h"
 #include "tabletop_perception/normals.h"
@@ -282,7 +283,12 @@ SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector
     }
   }
   if (models) {
-    for (auto& stage : benchmarkRecognition(segmentScene(scene.cloud, up, options), *models, runs))
+    const auto segmentation = segmentScene(scene.cloud, up, options);
+    for (auto& stage : benchmarkRecognition(segmentation, *models, runs))
+      timing.stages.push_back(std::move(stage));
+    const Frame frame{packedView(message), up,
+                      discarding([&] { return stock::frontEnd(message, forward); })};
+    for (auto& stage : benchmarkFrame(frame, options, *models, runs))
       timing.stages.push_back(std::move(stage));
     timing.recognition = timeAlone(
         runs, discarding([&] { return recognizeScene(scene.cloud, up, *models, options); }));

@@ -36,6 +36,17 @@ ordered_json tableJson(const Table& table, const Eigen::Vector3d& sensor) {
           {"rms", table.rms}};
 }
 
+/// Of a known object; null for others.
+ordered_json uncertaintyJson(const SceneObject& object) {
+  if (object.name == "unknown") return {{"covariance", nullptr}, {"free_directions", nullptr}};
+  auto rows = ordered_json::array();
+  for (int r = 0; r < 6; ++r) {
+    const Eigen::Matrix<double, 6, 1> row = object.uncertainty.covariance.row(r);
+    rows.push_back(std::vector<double>(row.data(), row.data() + 6));
+  }
+  return {{"covariance", rows}, {"free_directions", object.uncertainty.free_directions}};
+}
+
 ordered_json objectJson(int id, const SceneObject& object, bool named,
                         const Eigen::Vector3d& sensor) {
   ordered_json json = {{"id", id}, {"labels", object.labels}};
@@ -44,6 +55,7 @@ ordered_json objectJson(int id, const SceneObject& object, bool named,
     json["score"] = object.score;
   }
   json["pose"] = poseJson(object.T_camera_object, sensor);
+  if (named) json.update(uncertaintyJson(object));
   json["fitness"] = object.fitness;
   json["visible"] = object.visible;
   json["points"] = object.points;

@@ -1,8 +1,11 @@
 #include "stock_recognition.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 
+#include <pcl/common/centroid.h>
+#include <pcl/features/normal_3d.h>
 #include <pcl/features/vfh.h>
 #include <pcl/registration/icp.h>
 #include <pcl/search/kdtree.h>
@@ -15,13 +18,14 @@ using Point = pcl::PointNormal;
 using Tree = pcl::search::KdTree<Point>;
 
 /// Counts, and stops at nothing but the number of iterations.
-class AllIterations : public pcl::IterativeClosestPointWithNormals<Point, Point> {
+template <typename Icp>
+class AllIterations : public Icp {
  public:
   AllIterations() {
-    setTransformationEpsilon(0);
-    getConvergeCriteria()->setAbsoluteMSE(0);
+    this->setTransformationEpsilon(0);
+    this->getConvergeCriteria()->setAbsoluteMSE(0);
   }
-  int iterations() const { return nr_iterations_; }
+  int iterations() const { return this->nr_iterations_; }
 };
 
 }  // namespace
@@ -35,6 +39,30 @@ Oriented::Ptr orientedPoints(const Surface& surface) {
     points->push_back(point);
   }
   return points;
+}
+
+Oriented::Ptr withNormals(const Points::ConstPtr& points, double radius) {
+  pcl::NormalEstimation<Points::PointType, Point> estimation;
+  estimation.setInputCloud(points);
+  estimation.setSearchMethod(
+      pcl::search::KdTree<Points::PointType>::Ptr(new pcl::search::KdTree<Points::PointType>));
+  estimation.setRadiusSearch(radius);
+  estimation.setViewPoint(0, 0, 0);
+  Oriented all;
+  estimation.compute(all);
+  const Oriented::Ptr oriented(new Oriented);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (!std::isfinite(all[i].normal_x)) continue;
+    all[i].getVector3fMap() = (*points)[i].getVector3fMap();
+    oriented->push_back(all[i]);
+  }
+  return oriented;
+}
+
+Eigen::Vector3f centroidOf(const Oriented::ConstPtr& points) {
+  Eigen::Vector4f centroid;
+  pcl::compute3DCentroid(*points, centroid);
+  return centroid.head<3>();
 }
 
 std::array<float, VFH_SIZE> vfh(const Oriented::ConstPtr& points) {
@@ -62,18 +90,37 @@ RegistrationTarget::RegistrationTarget(const Surface& surface) {
   data_ = data;
 }
 
-Registration RegistrationTarget::align(const Oriented::ConstPtr& source,
-                                       const Eigen::Isometry3f& T_target_source,
-                                       double max_distance, int iterations) const {
-  AllIterations icp;
-  icp.setSearchMethodTarget(data_->tree, true);
-  icp.setInputTarget(data_->points);
+namespace {
+
+template <typename Icp>
+Registration alignBy(const Oriented::ConstPtr& source, const Oriented::Ptr& target,
+                     const Tree::Ptr& tree, const Eigen::Isometry3f& T_target_source,
+                     double max_distance, int iterations) {
+  AllIterations<Icp> icp;
+  icp.setSearchMethodTarget(tree, true);
+  icp.setInputTarget(target);
   icp.setInputSource(source);
   icp.setMaxCorrespondenceDistance(max_distance);
   icp.setMaximumIterations(iterations);
   Oriented moved;
   icp.align(moved, T_target_source.matrix());
   return {Eigen::Isometry3f(icp.getFinalTransformation()), icp.iterations()};
+}
+
+}  // namespace
+
+Registration RegistrationTarget::align(const Oriented::ConstPtr& source,
+                                       const Eigen::Isometry3f& T_target_source,
+                                       double max_distance, int iterations) const {
+  return alignBy<pcl::IterativeClosestPointWithNormals<Point, Point>>(
+      source, data_->points, data_->tree, T_target_source, max_distance, iterations);
+}
+
+Registration RegistrationTarget::alignToPoints(const Oriented::ConstPtr& source,
+                                               const Eigen::Isometry3f& T_target_source,
+                                               double max_distance, int iterations) const {
+  return alignBy<pcl::IterativeClosestPoint<Point, Point>>(
+      source, data_->points, data_->tree, T_target_source, max_distance, iterations);
 }
 
 struct LinearSearch::Data {

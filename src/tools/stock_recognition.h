@@ -8,6 +8,7 @@
 #include <pcl/point_types.h>
 #include <Eigen/Geometry>
 
+#include "stock_pcl.h"
 #include "tabletop_perception/descriptor.h"
 #include "tabletop_perception/geometry.h"
 
@@ -18,6 +19,12 @@ namespace tabletop_perception::tools::stock {
 using Oriented = pcl::PointCloud<pcl::PointNormal>;
 
 Oriented::Ptr orientedPoints(const Surface& surface);
+
+/// NormalEstimation of finite points within `radius` [m], seen from the origin; those without a
+/// normal left out.
+Oriented::Ptr withNormals(const Points::ConstPtr& points, double radius);
+
+Eigen::Vector3f centroidOf(const Oriented::ConstPtr& points);
 
 /// VFHEstimation as it is set up by default, seen from the origin.
 std::array<float, VFH_SIZE> vfh(const Oriented::ConstPtr& points);
@@ -37,6 +44,11 @@ class RegistrationTarget {
   /// to `max_distance` [m].
   Registration align(const Oriented::ConstPtr& source, const Eigen::Isometry3f& T_target_source,
                      double max_distance, int iterations) const;
+
+  /// IterativeClosestPoint: point to point, otherwise the same.
+  Registration alignToPoints(const Oriented::ConstPtr& source,
+                             const Eigen::Isometry3f& T_target_source, double max_distance,
+                             int iterations) const;
 
  private:
   struct Data;

@@ -8,6 +8,7 @@
 #include "clouds.h"
 #include "scene.h"
 #include "stock_recognition.h"
+#include "tabletop_perception/normals.h"
 #include "tabletop_perception/refine.h"
 #include "tabletop_perception/train.h"
 #include "views.h"
@@ -15,11 +16,14 @@
 namespace tabletop_perception::tools {
 namespace {
 
-ModelIndex threeModels() {
-  std::vector<ObjectModel> models;
-  for (const auto& object : scene::threeObjects().objects)
-    models.push_back(trainFromMesh(object.name, object.mesh, DescriptorOptions(), {}));
-  return ModelIndex(std::move(models));
+const ModelIndex& threeModels() {
+  static const ModelIndex index = [] {
+    std::vector<ObjectModel> models;
+    for (const auto& object : scene::threeObjects().objects)
+      models.push_back(trainFromMesh(object.name, object.mesh, DescriptorOptions(), {}));
+    return ModelIndex(std::move(models));
+  }();
+  return index;
 }
 
 std::vector<std::string> namesOf(const std::vector<StageTiming>& stages) {
@@ -41,6 +45,51 @@ TEST(BenchmarkRecognition, TimesTheStagesOnWhatStandsInTheScene) {
 
 TEST(BenchmarkRecognition, HasNothingToTimeWhereNothingStands) {
   EXPECT_TRUE(benchmarkRecognition(Segmentation(), threeModels(), 1).empty());
+}
+
+TEST(BenchmarkRecognition, TimesAWholeFrameWithOneHypothesisEachAndWithVerifiedOnes) {
+  Scene scene;
+  scene.name = "three";
+  scene.cloud = scene::threeObjects().cloud;
+  const auto timing = benchmarkScene(scene, std::nullopt, PipelineOptions(), &threeModels(), 1);
+  ASSERT_GE(timing.stages.size(), 2u);
+  const auto& frame = timing.stages[timing.stages.size() - 2];
+  const auto& verified = timing.stages.back();
+  EXPECT_EQ(frame.name, "frame");
+  EXPECT_EQ(verified.name, "frame_verified");
+  const auto clusters = segmentScene(scene.cloud, std::nullopt, PipelineOptions()).clusters;
+  ASSERT_LE(clusters.size(), 5u);
+  EXPECT_EQ(frame.stock, "chain for " + std::to_string(clusters.size()) + " clusters");
+  EXPECT_EQ(verified.stock, frame.stock);
+}
+
+TEST(BenchmarkRecognition, StockNormalsAreThoseThatOursAre) {
+  const Cloud cloud = scene::threeObjects().cloud;
+  const auto points = pointsAt(cloud, validIndices(cloud));
+  const Surface ours = sampleSurface(points, 0.005, 0.015, Eigen::Vector3f::Zero());
+  stock::Points::Ptr sampled(new stock::Points);
+  for (const auto& p : ours.points) sampled->emplace_back(p.x(), p.y(), p.z(), 0, 0, 0);
+  const auto stock = stock::withNormals(sampled, 0.015);
+  ASSERT_EQ(stock->size(), ours.size());
+  std::size_t alike = 0;
+  for (std::size_t i = 0; i < ours.size(); ++i)
+    alike += (*stock)[i].getNormalVector3fMap().dot(ours.normals[i]) > 0.999f;
+  EXPECT_GT(static_cast<double>(alike), 0.98 * static_cast<double>(ours.size()));
+}
+
+TEST(BenchmarkRecognition, StockPointToPointIcpComesNearer) {
+  const Surface model = views::surfaceOf(scene::house(), 0.003);
+  const Surface source = transformed(model, clouds::motion(3, {1, 2, 1}, {0.003, 0, -0.002}));
+  const auto aligned = stock::RegistrationTarget(model).alignToPoints(
+      stock::orientedPoints(source), Eigen::Isometry3f::Identity(), 0.02, 20);
+  EXPECT_EQ(aligned.iterations, 20);
+  const auto offOf = [&](const Eigen::Isometry3f& T) {
+    double sum = 0;
+    for (std::size_t i = 0; i < source.size(); ++i)
+      sum += (T * source.points[i] - model.points[i]).norm();
+    return sum / static_cast<double>(source.size());
+  };
+  EXPECT_LT(offOf(aligned.T_target_source), 0.5 * offOf(Eigen::Isometry3f::Identity()));
 }
 
 TEST(BenchmarkRecognition, StockIcpTakesAllItsStepsToThePoseOfOurs) {
@@ -68,7 +117,7 @@ TEST(BenchmarkRecognition, StockIcpTakesAllItsStepsToThePoseOfOurs) {
 }
 
 TEST(BenchmarkRecognition, StockSearchFindsTheRowsThatOursFinds) {
-  const ModelIndex models = threeModels(), many = manyVectors(models, 500);
+  const ModelIndex many = manyVectors(threeModels(), 500);
   const auto& vectors = many.vectors("vfh");
   ASSERT_EQ(vectors.entries.size(), 500u);
   const stock::LinearSearch search(vectors.values, vectors.dimension);
