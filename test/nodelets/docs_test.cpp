@@ -5,10 +5,12 @@
 #include <regex>
 #include <set>
 #include <string>
+#include <thread>
 
 #include <geometry_msgs/PointStamped.h>
 #include <nodelet/loader.h>
 #include <ros/master.h>
+#include <tabletop_perception/CaptureView.h>
 
 #include "graph.h"
 
@@ -18,7 +20,7 @@ namespace {
 using namespace test;
 
 const std::set<std::string> NODELETS = {"filter", "table",   "cluster", "match",
-                                        "refine", "markers", "pick"};
+                                        "refine", "markers", "pick",    "capture"};
 
 /// Topics and services of a nodelet by their names after "~", with their types where they are
 /// known.
@@ -78,15 +80,24 @@ std::set<std::string> namesOf(const Names& names) {
 }
 
 TEST(Docs, everyTopicAndServiceIsDocumentedAndThere) {
+  ros::NodeHandle nh;
+  for (const auto& name : NODELETS) nh.setParam("/" + name + "/database", "/nowhere/objects.db");
+  for (const std::string name : {"filter", "table", "cluster"})
+    nh.deleteParam("/" + name + "/database");
   nodelet::Loader manager(false);
   for (const auto& name : NODELETS)
     ASSERT_TRUE(manager.load("/" + name, "tabletop_perception/" + name, {}, {})) << name;
-  ros::NodeHandle nh;
   std::vector<ros::Subscriber> listeners;  // a nodelet that nobody listens to has no inputs
   for (const auto& [nodelet, names] : running())
     for (const auto& [name, type] : names)
       listeners.push_back(listenTo(nh, "/" + nodelet + "/" + name));
   const auto clicks = nh.advertise<geometry_msgs::PointStamped>("/clicked_point", 1);
+  std::thread teacher([] {  // capture listens while a call waits
+    CaptureView call;
+    call.request.name = "thing";
+    call.request.timeout = ros::Duration(30);
+    ros::service::call("/capture/capture_view", call);
+  });
 
   for (const auto& nodelet : NODELETS) {
     const Names page = documented(nodelet);
@@ -102,6 +113,8 @@ TEST(Docs, everyTopicAndServiceIsDocumentedAndThere) {
       EXPECT_EQ(type, there->second) << nodelet << "/" << name;
     }
   }
+  ros::shutdown();  // ends the call
+  teacher.join();
 }
 
 }  // namespace
