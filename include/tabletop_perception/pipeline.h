@@ -20,6 +20,7 @@
 #include "tabletop_perception/refine.h"
 #include "tabletop_perception/split.h"
 #include "tabletop_perception/table.h"
+#include "tabletop_perception/tracker.h"
 #include "tabletop_perception/verify.h"
 
 namespace tabletop_perception {
@@ -36,6 +37,7 @@ struct PipelineOptions {
   VerifyOptions verify;
   PickOptions pick;
   GraspOptions grasp;
+  TrackerOptions track;
 
   /// Calls visit(section, options) for each stage.
   template <typename Visitor>
@@ -50,6 +52,7 @@ struct PipelineOptions {
     visit("verify", verify);
     visit("pick", pick);
     visit("grasp", grasp);
+    visit("track", track);
   }
 };
 

@@ -5,7 +5,9 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
+#include "tabletop_perception/model.h"
 #include "tabletop_perception/options.h"
 
 namespace tabletop_perception {
@@ -13,40 +15,76 @@ namespace tabletop_perception {
 struct TrackerOptions {
   double max_step = 0.1;  ///< farthest a thing moves between two sightings of it [m]
   double memory = 5;      ///< how long a thing that is out of sight is remembered [s]
+  double confirm = 0.2;   ///< how long a thing is seen before it is confirmed [s]
+  double grace = 0.5;     ///< how long a confirmed thing counts as there without being seen [s]
+  double drift = 0.001;  ///< how far a thing at rest may creep in a second [m]; turns: 10 rad per m
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
     visit("max_step", max_step, Range{0.001, 10});
     visit("memory", memory, Range{0, 3600});
+    visit("confirm", confirm, Range{0, 60});
+    visit("grace", grace, Range{0, 60});
+    visit("drift", drift, Range{0, 1});
   }
 };
 
+/// Of a pose's error: x, y, z of the origin [m], turns about x, y, z [rad], along the axes of the
+/// frame that the pose is in.
+using PoseCovariance = Eigen::Matrix<double, 6, 6>;
+
 /// Something seen in a frame.
 struct Sighting {
-  std::string name;          ///< of the object, or "unknown"
-  Eigen::Vector3d position;  ///< in the same frame at every call [m]
+  std::string name;                                    ///< of the object, or "unknown"
+  Eigen::Isometry3d T_world_object;                    ///< in the same frame at every call
+  PoseCovariance covariance = PoseCovariance::Zero();  ///< zero: not known, nothing is filtered
+  Symmetry symmetry;                                   ///< of the object
 };
 
-/// Gives things ids that stay: a sighting takes over the id of a thing of its name that was seen
-/// within `max_step` of it less than `memory` ago, nearest pairs first; any other is a new thing.
-/// Ids count up from 1 and are never used twice, whatever the name.
+/// A thing as the tracker knows it.
+struct TrackedThing {
+  std::uint32_t id = 0;
+  std::string name;
+  Eigen::Isometry3d T_world_object = Eigen::Isometry3d::Identity();  ///< filtered
+  PoseCovariance covariance = PoseCovariance::Zero();
+  bool confirmed = false;  ///< seen for long enough
+};
+
+/// Gives things ids that stay, and poses that do not tremble.
+///
+/// A sighting takes over the id of a thing of its name that was seen within `max_step` of it less
+/// than `memory` ago, nearest pairs first; any other is a new thing. Ids count up from 1 and are
+/// never used twice, whatever the name.
+///
+/// Of poses that look the same the one nearest to the last is taken. A pose is the mean of all
+/// sightings by their covariances (a Kalman filter of a thing at rest) until one contradicts it:
+/// then the thing has moved, and the mean begins anew.
 class Tracker {
  public:
   explicit Tracker(const TrackerOptions& options = {}) : options_(options) {}
 
-  /// The ids of a frame's sightings, in their order. `stamp`: time of the frame [s]; when it lies
-  /// before the last one (a bag begins anew), what is remembered counts as seen just now.
-  std::vector<std::uint32_t> update(double stamp, const std::vector<Sighting>& sightings);
+  /// What is tracked stays.
+  void setOptions(const TrackerOptions& options) { options_ = options; }
+
+  /// The things that a frame's sightings are of, in their order. `stamp`: time of the frame [s];
+  /// when it lies before the last one (a bag begins anew), what is remembered counts as seen just
+  /// now.
+  std::vector<TrackedThing> update(double stamp, const std::vector<Sighting>& sightings);
+
+  /// The confirmed things that the last frame did not show, within their time of grace.
+  std::vector<TrackedThing> missed() const;
 
  private:
   struct Track {
-    std::uint32_t id;
-    Sighting last;
-    double stamp;  ///< of the last sighting [s]
+    TrackedThing thing;
+    double first, last;  ///< sighting [s]
   };
+
+  void add(Track& track, double stamp, const Sighting& sighting) const;
 
   TrackerOptions options_;
   std::vector<Track> tracks_;
+  double stamp_ = 0;  ///< of the last frame [s]
   std::uint32_t next_id_ = 1;
 };
 

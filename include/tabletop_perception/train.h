@@ -47,4 +47,8 @@ ObjectModel trainFromMesh(const std::string& name, const Mesh& mesh,
 ObjectModel trainFromViews(const std::string& name, const std::vector<TrainingView>& views,
                            const DescriptorOptions& options, const Progress& progress);
 
+/// The same object with one more view, in the frame that its other views are in. Throws
+/// std::invalid_argument when the view has no points or cannot be described.
+ObjectModel withView(ObjectModel model, const TrainingView& view);
+
 }  // namespace tabletop_perception

@@ -1,47 +1,164 @@
 #include "tabletop_perception/tracker.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Cholesky>
 
 namespace tabletop_perception {
 namespace {
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+constexpr double TURN_PER_SHIFT = 10;    // of creeping things [rad/m]
+constexpr double CONTRADICTION = 22.46;  // squared Mahalanobis distance, 99.9 % of 6 degrees
+constexpr double SEEN_EVENLY = 0.0003;   // error that sightings share and no mean takes out [m]
 
 struct Pair {
   double distance;
   std::size_t track, sighting;
 };
 
+/// The angle [rad] by which to turn about an axis, after R, to come nearest to no turn at all.
+double nearestTurn(const Eigen::Matrix3d& R, const Eigen::Vector3d& axis) {
+  const Eigen::Quaterniond q(R);
+  return -2 * std::atan2(q.vec().dot(axis), q.w());
+}
+
+/// Of the poses at which an object looks as it does at `pose`, the one nearest to `last`.
+Eigen::Isometry3d nearestAlike(const Eigen::Isometry3d& pose, const Eigen::Isometry3d& last,
+                               const Symmetry& symmetry) {
+  std::vector<Eigen::Matrix3d> rotations{Eigen::Matrix3d::Identity()};
+  rotations.insert(rotations.end(), symmetry.rotations.begin(), symmetry.rotations.end());
+  Eigen::Matrix3d nearest = Eigen::Matrix3d::Identity();
+  double least = std::numeric_limits<double>::infinity();
+  for (Eigen::Matrix3d rotation : rotations) {
+    const Eigen::Matrix3d R_last_object = last.linear().transpose() * pose.linear();
+    if (symmetry.continuous()) {
+      const double angle = nearestTurn(R_last_object * rotation, symmetry.axis);
+      rotation = rotation * Eigen::AngleAxisd(angle, symmetry.axis).toRotationMatrix();
+    }
+    const double turn = Eigen::AngleAxisd(Eigen::Matrix3d(R_last_object * rotation)).angle();
+    if (turn >= least) continue;
+    least = turn;
+    nearest = rotation;
+  }
+  Eigen::Isometry3d motion(Eigen::Translation3d(symmetry.center));
+  motion.rotate(nearest).translate(-symmetry.center);
+  return pose * motion;
+}
+
+/// The step from one pose to another: shift of the origin, turn about the frame's axes.
+Vector6d stepBetween(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to) {
+  const Eigen::AngleAxisd turn(Eigen::Matrix3d(to.linear() * from.linear().transpose()));
+  Vector6d step;
+  step << to.translation() - from.translation(), turn.angle() * turn.axis();
+  return step;
+}
+
+Eigen::Isometry3d stepped(const Eigen::Isometry3d& from, const Vector6d& step) {
+  Eigen::Isometry3d to = from;
+  to.translation() += step.head<3>();
+  const double angle = step.tail<3>().norm();
+  if (angle > 0)
+    to.linear() =
+        Eigen::AngleAxisd(angle, step.tail<3>() / angle).toRotationMatrix() * from.linear();
+  return to;
+}
+
+PoseCovariance evenCovariance(double shift) {
+  const double turn = TURN_PER_SHIFT * shift;
+  PoseCovariance covariance = PoseCovariance::Zero();
+  covariance.diagonal() << Eigen::Vector3d::Constant(shift * shift),
+      Eigen::Vector3d::Constant(turn * turn);
+  return covariance;
+}
+
 }  // namespace
 
-std::vector<std::uint32_t> Tracker::update(double stamp, const std::vector<Sighting>& sightings) {
-  for (auto& track : tracks_) track.stamp = std::min(track.stamp, stamp);
-  const auto forgotten = [&](const Track& track) { return stamp - track.stamp > options_.memory; };
+void Tracker::add(Track& track, double stamp, const Sighting& sighting) const {
+  TrackedThing& thing = track.thing;
+  const double passed = std::max(0.0, stamp - track.last);
+  track.last = stamp;
+  thing.confirmed = thing.confirmed || stamp - track.first >= options_.confirm;
+  if (sighting.covariance.isZero()) {
+    thing.T_world_object = sighting.T_world_object;
+    thing.covariance.setZero();
+    return;
+  }
+  const Eigen::Isometry3d pose =
+      nearestAlike(sighting.T_world_object, thing.T_world_object, sighting.symmetry);
+  const PoseCovariance seen = sighting.covariance + evenCovariance(SEEN_EVENLY);
+  const PoseCovariance before = thing.covariance + passed * evenCovariance(options_.drift);
+  const Vector6d step = stepBetween(thing.T_world_object, pose);
+  const Eigen::LDLT<PoseCovariance> sum(before + seen);
+  if (thing.covariance.isZero() || step.dot(sum.solve(step)) > CONTRADICTION) {
+    thing.T_world_object = pose;
+    thing.covariance = seen;
+    return;
+  }
+  // The gain is before * (before + seen)^-1, both symmetric.
+  const PoseCovariance gain = sum.solve(before).transpose();
+  thing.T_world_object = stepped(thing.T_world_object, gain * step);
+  const PoseCovariance rest = before - gain * before;
+  thing.covariance = (rest + rest.transpose()) / 2;
+}
+
+std::vector<TrackedThing> Tracker::update(double stamp, const std::vector<Sighting>& sightings) {
+  for (auto& track : tracks_) {
+    const double back = std::max(0.0, track.last - stamp);
+    track.first -= back;
+    track.last -= back;
+  }
+  stamp_ = stamp;
+  const auto forgotten = [&](const Track& track) { return stamp - track.last > options_.memory; };
   tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(), forgotten), tracks_.end());
 
   std::vector<Pair> pairs;
   for (std::size_t t = 0; t < tracks_.size(); ++t)
     for (std::size_t s = 0; s < sightings.size(); ++s) {
-      if (tracks_[t].last.name != sightings[s].name) continue;
-      const double distance = (tracks_[t].last.position - sightings[s].position).norm();
+      const TrackedThing& thing = tracks_[t].thing;
+      if (thing.name != sightings[s].name) continue;
+      // Symmetric things turn about their centre, not about the origin of their frame.
+      const Eigen::Vector3d& center = sightings[s].symmetry.center;
+      const double distance =
+          (thing.T_world_object * center - sightings[s].T_world_object * center).norm();
       if (distance <= options_.max_step) pairs.push_back({distance, t, s});
     }
   std::stable_sort(pairs.begin(), pairs.end(),
                    [](const Pair& a, const Pair& b) { return a.distance < b.distance; });
 
-  std::vector<std::uint32_t> ids(sightings.size(), 0);
+  constexpr std::size_t NONE = static_cast<std::size_t>(-1);
+  std::vector<std::size_t> track_of(sightings.size(), NONE);
   std::vector<bool> taken(tracks_.size(), false);
   for (const auto& [distance, t, s] : pairs) {
-    if (taken[t] || ids[s]) continue;
+    if (taken[t] || track_of[s] != NONE) continue;
     taken[t] = true;
-    ids[s] = tracks_[t].id;
-    tracks_[t].last = sightings[s];
-    tracks_[t].stamp = stamp;
+    track_of[s] = t;
   }
+  std::vector<TrackedThing> things;
   for (std::size_t s = 0; s < sightings.size(); ++s) {
-    if (ids[s]) continue;
-    ids[s] = next_id_++;
-    tracks_.push_back({ids[s], sightings[s], stamp});
+    if (track_of[s] == NONE) {
+      track_of[s] = tracks_.size();
+      Track track{{}, stamp, stamp};
+      track.thing.id = next_id_++;
+      track.thing.name = sightings[s].name;
+      track.thing.T_world_object = sightings[s].T_world_object;
+      tracks_.push_back(track);
+    }
+    add(tracks_[track_of[s]], stamp, sightings[s]);
+    things.push_back(tracks_[track_of[s]].thing);
   }
-  return ids;
+  return things;
+}
+
+std::vector<TrackedThing> Tracker::missed() const {
+  std::vector<TrackedThing> missed;
+  for (const auto& track : tracks_)
+    if (track.thing.confirmed && track.last < stamp_ && stamp_ - track.last <= options_.grace)
+      missed.push_back(track.thing);
+  return missed;
 }
 
 }  // namespace tabletop_perception

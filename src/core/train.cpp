@@ -234,4 +234,25 @@ ObjectModel trainFromViews(const std::string& name, const std::vector<TrainingVi
   return model;
 }
 
+ObjectModel withView(ObjectModel model, const TrainingView& view) {
+  const ObjectModel added = trainFromViews(model.name, {view}, model.options, Progress());
+  const std::size_t before = model.surface.size();
+  const bool colored = model.colors.size() == before && added.colors.size() == added.surface.size();
+  Surface all = std::move(model.surface);
+  all.points.insert(all.points.end(), added.surface.points.begin(), added.surface.points.end());
+  all.normals.insert(all.normals.end(), added.surface.normals.begin(), added.surface.normals.end());
+  std::vector<std::uint32_t> colors = std::move(model.colors);
+  colors.insert(colors.end(), added.colors.begin(), added.colors.end());
+
+  model.surface = downsampled(all, MODEL_LEAF);
+  model.colors.clear();
+  if (colored) model.colors = nearestColors(model.surface, all.points, colors);
+  model.views.insert(model.views.end(), added.views.begin(), added.views.end());
+  model.origin = std::to_string(model.views.size()) + " views";
+  model.diameter = diameterOf(model.surface.points);
+  if (!model.symmetry.declared && isSeenAllAround(model.surface))
+    model.symmetry = detectSymmetry(model.surface);
+  return model;
+}
+
 }  // namespace tabletop_perception

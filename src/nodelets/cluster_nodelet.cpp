@@ -30,7 +30,7 @@ class ClusterNodelet : public StageNodelet {
   void unsubscribe() override { input_sub_.shutdown(); }
 
   void onCloud(const CloudMessageConstPtr& message) {
-    attempt([&] {
+    attempt(message->header.stamp, [&] {
       const auto [cloud, standing] = message->points();
       const auto parts =
           splitClusters(cloud, extractClusters(cloud, standing, options_.cluster), options_.split);

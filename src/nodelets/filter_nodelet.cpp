@@ -32,8 +32,11 @@ class FilterNodelet : public StageNodelet {
   void unsubscribe() override { input_sub_.shutdown(); }
 
   void onCloud(const sensor_msgs::PointCloud2ConstPtr& message) {
-    if (busy()) return;
-    attempt([&] {
+    if (busy()) {
+      health().dropped("two frames are in the graph");
+      return;
+    }
+    attempt(message->header.stamp, [&] {
       const auto filtered = boost::make_shared<CloudMessage>(
           message->header, filterCloud(packedView(*message), options_));
       frames_.push_back({filtered, Clock::now()});

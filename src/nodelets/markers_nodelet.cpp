@@ -45,7 +45,7 @@ class MarkersNodelet : public StageNodelet {
 
   void onFrame(const RecognizedObjectArrayConstPtr& objects, const TableArrayConstPtr& tables,
                const CloudMessageConstPtr& clusters) {
-    attempt([&] {
+    attempt(objects->header.stamp, [&] {
       const Cloud things = coloredThings(clusters->cloud(), clusters->labels(), *objects);
       const Cloud models = modelsAtPoses(*objects, models_->update());
       markers_pub_.publish(sceneMarkers(*objects, *tables, options_));

@@ -46,7 +46,7 @@ class MatchNodelet : public StageNodelet {
 
   void onClusters(const CloudMessageConstPtr& message, const TableArrayConstPtr& tables,
                   const CloudMessageConstPtr& scene_message) {
-    attempt([&] {
+    attempt(message->header.stamp, [&] {
       const Cloud& scene = scene_message->cloud();
       const auto clusters = clustersOf(message->labels());
       const ModelIndex& index = models_->update();
@@ -55,6 +55,7 @@ class MatchNodelet : public StageNodelet {
       candidates->header = message->header;
       candidates->reason = models_->reason();
       if (!candidates->reason.empty()) warn(candidates->reason);
+      health().setReason(candidates->reason);
       for (const auto& proposal :
            proposeObjects(scene, clusters, tablesFromMessage(*tables), index, options_))
         candidates->clusters.push_back(messageFromProposal(proposal));

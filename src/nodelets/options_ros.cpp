@@ -47,4 +47,18 @@ void readParameter(const std::string& name, XmlRpcValue value, std::vector<doubl
     readParameter(name + "[" + std::to_string(i) + "]", value[i], to[i]);
 }
 
+PipelineOptions servedOptions(const ros::NodeHandle& nh) {
+  PipelineOptions options;
+  options.visitStages([&](const std::string& section, auto& stage) {
+    XmlRpc::XmlRpcValue set;
+    nh.getParam(section, set);
+    if (set.getType() != XmlRpc::XmlRpcValue::TypeStruct) return;
+    stage.visitFields([&](const std::string& name, auto& field, const auto&...) {
+      if (set.hasMember(name)) readParameter(section + "/" + name, set[name], field);
+    });
+    checkOptions(section, stage);
+  });
+  return options;
+}
+
 }  // namespace tabletop_perception

@@ -8,8 +8,10 @@
 #include <XmlRpcValue.h>
 #include <dynamic_reconfigure/Config.h>
 #include <dynamic_reconfigure/config_tools.h>
+#include <ros/node_handle.h>
 
 #include "tabletop_perception/options.h"
+#include "tabletop_perception/pipeline.h"
 
 namespace tabletop_perception {
 
@@ -54,5 +56,9 @@ void checkParameters(const std::string& node, XmlRpc::XmlRpcValue parameters,
       throw std::invalid_argument("no such parameter: " + node + "/" + name + "; there are " +
                                   list);
 }
+
+/// The options of every stage as the parameters beside a nodelet say: those that the other nodelets
+/// of the graph are served with. Throws std::invalid_argument as checkParameters does.
+PipelineOptions servedOptions(const ros::NodeHandle& nh);
 
 }  // namespace tabletop_perception

@@ -121,12 +121,6 @@ class PickNodelet : public StageNodelet {
     return !requests_.empty();
   }
 
-  XmlRpc::XmlRpcValue parametersOf(const std::string& section) {
-    XmlRpc::XmlRpcValue set;
-    getNodeHandle().getParam(section, set);
-    return set;
-  }
-
   // --- what comes in
 
   void onPoint(const geometry_msgs::PointStampedConstPtr& point) { onClick(*point, false); }
@@ -287,16 +281,7 @@ class PickNodelet : public StageNodelet {
 
   /// The options of the other stages as their nodelets serve them.
   PipelineOptions currentOptions() {
-    PipelineOptions options;
-    options.visitStages([&](const std::string& section, auto& stage) {
-      const auto set = parametersOf(section);
-      if (set.getType() != XmlRpc::XmlRpcValue::TypeStruct) return;
-      stage.visitFields([&](const std::string& name, auto& field, const auto&...) {
-        auto values = set;
-        if (values.hasMember(name)) readParameter(section + "/" + name, values[name], field);
-      });
-      checkOptions(section, stage);
-    });
+    PipelineOptions options = servedOptions(getNodeHandle());
     options.pick = options_;
     options.grasp = grasp_options_;
     return options;

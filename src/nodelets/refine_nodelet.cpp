@@ -24,6 +24,7 @@
 #include "model_source.h"
 #include "stage_nodelet.h"
 #include "tabletop_perception/RefineConfig.h"
+#include "tabletop_perception/TrackConfig.h"
 #include "tabletop_perception/VerifyConfig.h"
 #include "tabletop_perception/pipeline.h"
 #include "tabletop_perception/tracker.h"
@@ -72,9 +73,10 @@ RecognizedObject movedTo(const std::string& target_frame, const Eigen::Isometry3
 /// RecognizedObjectArray and a tf frame per object; service `~get_object_pose` GetObjectPose. Every
 /// frame is answered, also one without a table or an object.
 ///
-/// Parameters: `database`, the file with the objects; `publish_tf`; `track_max_step` [m] and
-/// `track_memory` [s] of the ids. The options of verify live in the namespace `verify` beside this
-/// nodelet, as its section of the yaml file does.
+/// Parameters: `database`, the file with the objects; `publish_tf`; `track_frame`, the tf frame in
+/// which things at rest do not move (empty: the camera's, which then must not move either). The
+/// options of verify and track live in the namespaces `verify` and `track` beside this nodelet, as
+/// their sections of the yaml file do.
 class RefineNodelet : public StageNodelet {
  public:
   ~RefineNodelet() override {
@@ -90,13 +92,10 @@ class RefineNodelet : public StageNodelet {
   void start() override {
     models_.emplace(parameter("database", std::string("~/.ros/tabletop.db")));
     publish_tf_ = parameter("publish_tf", true);
-    TrackerOptions tracking;
-    tracking.max_step = parameter("track_max_step", tracking.max_step);
-    tracking.memory = parameter("track_memory", tracking.memory);
-    checkOptions("track", tracking);
-    tracker_ = Tracker(tracking);
+    track_frame_ = parameter("track_frame", std::string());
     serveOptions<RefineConfig>(getPrivateNodeHandle(), options_.refine);
     serveOptions<VerifyConfig>(ros::NodeHandle(getNodeHandle(), "verify"), options_.verify);
+    serveOptions<TrackConfig>(ros::NodeHandle(getNodeHandle(), "track"), options_.track);
 
     sync_.registerCallback(&RefineNodelet::onFrame, this);
     objects_pub_ = advertise<RecognizedObjectArray>("objects");
@@ -129,18 +128,22 @@ class RefineNodelet : public StageNodelet {
   void onFrame(const CandidateArrayConstPtr& candidates, const CloudMessageConstPtr& clusters,
                const TableArrayConstPtr& tables,
                const ros::MessageEvent<const CloudMessage>& cloud) {
-    attempt([&] {
-      const auto objects = decideScene(*cloud.getConstMessage(), *clusters, *candidates, *tables);
-      const auto ids = tracker_.update(candidates->header.stamp.toSec(), sightingsOf(objects));
+    attempt(candidates->header.stamp, [&] {
+      auto objects = decideScene(*cloud.getConstMessage(), *clusters, *candidates, *tables);
+      const Eigen::Isometry3d T_track_camera = cameraInTrackFrame(candidates->header);
+      const auto tracked = track(objects, T_track_camera, candidates->header.stamp);
 
       auto message = boost::make_shared<RecognizedObjectArray>();
       message->header = candidates->header;
       message->reason = frameReason(*tables, *candidates, *clusters);
-      for (std::size_t i = 0; i < objects.size(); ++i)
-        message->objects.push_back(messageFromObject(objects[i], ids[i], message->header));
+      health().setReason(message->reason);
+      for (std::size_t i = 0; i < objects.size(); ++i) {
+        message->objects.push_back(messageFromObject(objects[i], tracked[i].id, message->header));
+        message->objects.back().confirmed = tracked[i].confirmed;
+      }
 
       objects_pub_.publish(message);
-      if (publish_tf_) sendTransforms(*message);
+      if (publish_tf_) sendTransforms(*message, T_track_camera);
       {
         std::lock_guard<std::mutex> lock(latest_mutex_);
         latest_ = {message, cloud.getReceiptTime()};
@@ -168,17 +171,45 @@ class RefineNodelet : public StageNodelet {
                          options_.match, options_.refine, options_.verify);
   }
 
-  static std::vector<Sighting> sightingsOf(const std::vector<SceneObject>& objects) {
-    std::vector<Sighting> sightings;
-    for (const auto& object : objects)
-      sightings.push_back({object.name, object.T_camera_object.translation()});
-    return sightings;
+  /// Where the camera was in the frame that things are tracked in. Throws when tf does not know.
+  Eigen::Isometry3d cameraInTrackFrame(const std_msgs::Header& header) const {
+    if (track_frame_.empty()) return Eigen::Isometry3d::Identity();
+    return lookupTransformBy(Clock::now() + TRACK_FRAME_TIMEOUT, tf_, track_frame_, header.frame_id,
+                             header.stamp);
   }
 
-  void sendTransforms(const RecognizedObjectArray& frame) {
+  /// Tells the objects apart from those of other frames, and makes their poses the filtered ones.
+  std::vector<TrackedThing> track(std::vector<SceneObject>& objects,
+                                  const Eigen::Isometry3d& T_track_camera, const ros::Time& stamp) {
+    const ModelIndex& index = models_->update();
+    std::vector<Sighting> sightings;
+    for (const auto& object : objects) {
+      const int model = index.find(object.name);
+      sightings.push_back({object.name, T_track_camera * object.T_camera_object,
+                           turnedCovariance(object.uncertainty.covariance, T_track_camera.linear()),
+                           model < 0 ? Symmetry() : index.models()[model].symmetry});
+    }
+    tracker_.setOptions(options_.track);
+    const auto things = tracker_.update(stamp.toSec(), sightings);
+    const Eigen::Isometry3d T_camera_track = T_track_camera.inverse();
+    for (std::size_t i = 0; i < objects.size(); ++i) {
+      objects[i].T_camera_object = T_camera_track * things[i].T_world_object;
+      objects[i].uncertainty.covariance =
+          turnedCovariance(things[i].covariance, T_camera_track.linear());
+    }
+    return things;
+  }
+
+  /// Frames of what is confirmed, seen or missed for a moment.
+  void sendTransforms(const RecognizedObjectArray& frame, const Eigen::Isometry3d& T_track_camera) {
     std::vector<geometry_msgs::TransformStamped> transforms;
     for (const auto& object : frame.objects)
-      transforms.push_back(transformMessage(object.pose, frame.header, object.child_frame_id));
+      if (object.confirmed)
+        transforms.push_back(transformMessage(object.pose, frame.header, object.child_frame_id));
+    for (const auto& thing : tracker_.missed())
+      transforms.push_back(
+          transformMessage(messageFromPose(T_track_camera.inverse() * thing.T_world_object),
+                           frame.header, objectFrame(thing.name, thing.id)));
     tf_broadcaster_.sendTransform(transforms);
   }
 
@@ -282,10 +313,12 @@ class RefineNodelet : public StageNodelet {
   using Policy = message_filters::sync_policies::ExactTime<CandidateArray, CloudMessage, TableArray,
                                                            CloudMessage>;
   static constexpr int SERVICE_THREADS = 4;  ///< calls that wait at the same time
+  static constexpr std::chrono::milliseconds TRACK_FRAME_TIMEOUT{200};
   static constexpr std::chrono::seconds DEFAULT_TIMEOUT{5};
 
   PipelineOptions options_;  ///< refine and verify count
   bool publish_tf_ = true;
+  std::string track_frame_;
   std::optional<ModelSource> models_;
   Tracker tracker_;
 

@@ -9,6 +9,7 @@ namespace tabletop_perception {
 
 void StageNodelet::onInit() {
   keepFrameMemory();
+  parameters_.insert("diagnostic_period");  // of the updater
   try {
     std::lock_guard<std::mutex> lock(mutex_);  // a listener may come before start() is through
     start();
@@ -20,7 +21,18 @@ void StageNodelet::onInit() {
     NODELET_FATAL("%s is not started: %s", getName().c_str(), error.what());
     return;
   }
+  startDiagnostics();
   updateSubscriptions();
+}
+
+/// On the queue of several threads, so that a stage that hangs is told of, too.
+void StageNodelet::startDiagnostics() {
+  auto& nh = getMTPrivateNodeHandle();
+  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(nh, nh, getName());
+  diagnostics_->setHardwareID("none");
+  diagnostics_->add("frames", [this](auto& status) { health_.fill(status); });
+  diagnostics_timer_ =
+      nh.createWallTimer(ros::WallDuration(1), [this](const auto&) { diagnostics_->update(); });
 }
 
 void StageNodelet::updateSubscriptions() {
@@ -30,13 +42,17 @@ void StageNodelet::updateSubscriptions() {
   const bool wanted = wantedAnyway() || std::any_of(publishers_.begin(), publishers_.end(), heard);
   if (wanted == subscribed_) return;
   subscribed_ = wanted;
+  health_.setAwake(wanted);
   wanted ? subscribe() : unsubscribe();
 }
 
-void StageNodelet::attempt(const std::function<void()>& work) {
+void StageNodelet::attempt(const ros::Time& stamp, const std::function<void()>& work) {
+  const auto start = std::chrono::steady_clock::now();
   try {
     work();
+    health_.answered(stamp, std::chrono::steady_clock::now() - start);
   } catch (const std::exception& error) {
+    health_.dropped(error.what());
     warn(std::string("frame skipped: ") + error.what());
   }
 }

@@ -13,12 +13,13 @@
 #include <ros/ros.h>
 
 #include "options_ros.h"
+#include "stage_health.h"
 #include "tabletop_perception/options.h"
 
 namespace tabletop_perception {
 
 /// What the nodelets share: options that follow dynamic_reconfigure, parameters that are checked,
-/// and subscriptions that last only while somebody wants the results.
+/// diagnostics, and subscriptions that last only while somebody wants the results.
 ///
 /// Topics, services and reconfiguration run one after the other on the nodelet's own queue, so the
 /// callbacks of one nodelet never overlap. A nodelet whose parameters are wrong says so once and
@@ -86,8 +87,12 @@ class StageNodelet : public nodelet::Nodelet {
   /// Opens or closes the inputs, as the listeners and wantedAnyway() demand. From any thread.
   void updateSubscriptions();
 
-  /// Works on a frame; one that throws is skipped with a warning that gives the reason.
-  void attempt(const std::function<void()>& work);
+  /// Works on a frame of the camera's `stamp`; one that throws is skipped with a warning that gives
+  /// the reason. Both show in the diagnostics.
+  void attempt(const ros::Time& stamp, const std::function<void()>& work);
+
+  /// What else the diagnostics say: frames that are dropped, and why a frame has no result.
+  StageHealth& health() { return health_; }
 
   /// A warning that does not flood the log: the same text every 10 s, another after 1 s.
   void warn(const std::string& text);
@@ -103,9 +108,13 @@ class StageNodelet : public nodelet::Nodelet {
   static constexpr int OUTPUT_QUEUE = 5;
 
   void onInit() final;
+  void startDiagnostics();
 
   std::set<std::string> parameters_;            ///< names of those that are no options
   std::vector<std::shared_ptr<void>> servers_;  ///< dynamic_reconfigure
+  StageHealth health_;
+  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
+  ros::WallTimer diagnostics_timer_;
 
   std::mutex mutex_;  ///< guards what follows
   std::vector<ros::Publisher> publishers_;

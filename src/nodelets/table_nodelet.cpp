@@ -55,9 +55,10 @@ class TableNodelet : public StageNodelet {
   bool wantedAnyway() override { return publish_tf_; }
 
   void onCloud(const CloudMessageConstPtr& message) {
-    attempt([&] {
+    attempt(message->header.stamp, [&] {
       const Cloud& cloud = message->cloud();
       const auto tables = tablesIn(cloud, message->header);
+      health().setReason(tables.reason);
       const auto table_message = messageFromTable(tables, message->header);
       table_pub_.publish(table_message);
       tables_pub_.publish(messageFromTables(tables, message->header));

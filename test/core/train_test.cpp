@@ -227,6 +227,26 @@ TEST(TrainFromViews, SurfaceIsTheUnionInTheFrameOfTheObject) {
   EXPECT_EQ(model.origin, "3 views");
 }
 
+TEST(TrainFromViews, AViewMayBeAddedLater) {
+  std::vector<TrainingView> views;
+  for (const double yaw : {0.3, 2.1, 4.4}) views.push_back(viewOf(boxMesh(), standingBefore(yaw)));
+  const ObjectModel begun =
+      trainFromViews("box", {views[0], views[1]}, DescriptorOptions(), SILENT);
+  const ObjectModel model = withView(begun, views[2]);
+  checkModel(model);
+  ASSERT_EQ(model.views.size(), 3u);
+  EXPECT_TRUE(model.views[2].T_view_object.isApprox(views[2].T_view_object));
+  EXPECT_FALSE(model.views[2].descriptors.empty());
+  Eigen::AlignedBox3f extent;
+  for (const auto& p : model.surface.points) {
+    EXPECT_LT(distanceFromBox(p), 0.0015);
+    extent.extend(p);
+  }
+  EXPECT_LT((extent.sizes() - BOX_SIZE).cwiseAbs().maxCoeff(), 0.004);
+  EXPECT_EQ(model.origin, "3 views");
+  EXPECT_THROW(withView(begun, TrainingView()), std::invalid_argument);
+}
+
 TEST(TrainFromViews, OneSideTellsNothingOfSymmetry) {
   const ObjectModel model =
       trainFromViews("box", {viewOf(boxMesh(), standingBefore(0))}, DescriptorOptions(), SILENT);

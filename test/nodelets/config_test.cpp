@@ -19,6 +19,7 @@
 #include "tabletop_perception/RefineConfig.h"
 #include "tabletop_perception/SplitConfig.h"
 #include "tabletop_perception/TableConfig.h"
+#include "tabletop_perception/TrackConfig.h"
 #include "tabletop_perception/VerifyConfig.h"
 #include "tabletop_perception/pipeline.h"
 
@@ -120,6 +121,7 @@ TEST(Config, colorHasTheOptionsOfItsStruct) { expectSameFields<ColorConfig, Colo
 TEST(Config, verifyHasTheOptionsOfItsStruct) { expectSameFields<VerifyConfig, VerifyOptions>(); }
 TEST(Config, pickHasTheOptionsOfItsStruct) { expectSameFields<PickConfig, PickOptions>(); }
 TEST(Config, graspHasTheOptionsOfItsStruct) { expectSameFields<GraspConfig, GraspOptions>(); }
+TEST(Config, trackHasTheOptionsOfItsStruct) { expectSameFields<TrackConfig, TrackerOptions>(); }
 TEST(Config, markersHaveTheOptionsOfTheirStruct) {
   expectSameFields<MarkersConfig, MarkerOptions>();
 }
