@@ -8,6 +8,7 @@
 #include <XmlRpcValue.h>
 #include <dynamic_reconfigure/Config.h>
 #include <dynamic_reconfigure/config_tools.h>
+#include <ros/node_handle.h>
 
 #include "tabletop_perception/options.h"
 
@@ -53,6 +54,18 @@ void checkParameters(const std::string& node, XmlRpc::XmlRpcValue parameters,
     if (!known.count(name))
       throw std::invalid_argument("no such parameter: " + node + "/" + name + "; there are " +
                                   list);
+}
+
+/// The options of a stage as the parameters under `nh`/`section`, which another nodelet serves,
+/// are set.
+template <typename Options>
+void readOptions(const ros::NodeHandle& nh, const std::string& section, Options& options) {
+  XmlRpc::XmlRpcValue set;
+  if (!nh.getParam(section, set) || set.getType() != XmlRpc::XmlRpcValue::TypeStruct) return;
+  options.visitFields([&](const std::string& name, auto& field, const auto&...) {
+    if (set.hasMember(name)) readParameter(section + "/" + name, set[name], field);
+  });
+  checkOptions(section, options);
 }
 
 }  // namespace tabletop_perception

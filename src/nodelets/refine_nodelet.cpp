@@ -24,6 +24,7 @@
 #include "stage_nodelet.h"
 #include "tabletop_perception/RefineConfig.h"
 #include "tabletop_perception/VerifyConfig.h"
+#include "tabletop_perception/pick_scene.h"
 #include "tabletop_perception/pipeline.h"
 #include "tabletop_perception/tracker.h"
 #include "tf_wait.h"
@@ -54,24 +55,17 @@ std::string namesOf(const RecognizedObjectArray& frame) {
   return names;
 }
 
-RecognizedObject movedTo(const std::string& target_frame, const Eigen::Isometry3d& T_target_camera,
-                         RecognizedObject object) {
-  object.header.frame_id = target_frame;
-  object.pose = messageFromPose(T_target_camera * poseFromMessage(object.pose));
-  object.box_pose = messageFromPose(T_target_camera * poseFromMessage(object.box_pose));
-  return object;
-}
-
 }  // namespace
 
 /// `~candidates` CandidateArray and `~clusters` PointCloud2 with labels from match, `~tables`
 /// TableArray, and `~cloud`, the filtered PointCloud2 of the whole scene -> `~objects`
-/// RecognizedObjectArray and a tf frame per object; service `~get_object_pose` GetObjectPose. Every
-/// frame is answered, also one without a table or an object.
+/// RecognizedObjectArray and a tf frame per object; service `~get_object_pose` GetObjectPose, with
+/// whose answers `~grasps` PoseArray goes. Every frame is answered, also one without a table or an
+/// object.
 ///
 /// Parameters: `database`, the file with the objects; `publish_tf`; `track_max_step` [m] and
 /// `track_memory` [s] of the ids. The options of verify live in the namespace `verify` beside this
-/// nodelet, as its section of the yaml file does.
+/// nodelet, as its section of the yaml file does; so do those of grasp.
 class RefineNodelet : public StageNodelet {
  public:
   ~RefineNodelet() override {
@@ -97,6 +91,7 @@ class RefineNodelet : public StageNodelet {
 
     sync_.registerCallback(&RefineNodelet::onFrame, this);
     objects_pub_ = advertise<RecognizedObjectArray>("objects");
+    grasps_pub_ = getPrivateNodeHandle().advertise<geometry_msgs::PoseArray>("grasps", 5, true);
 
     // A waiting call must not hold up the frames it waits for: a queue and threads of its own.
     ros::NodeHandle service_nh(getPrivateNodeHandle());
@@ -127,7 +122,10 @@ class RefineNodelet : public StageNodelet {
                const sensor_msgs::PointCloud2ConstPtr& clusters, const TableArrayConstPtr& tables,
                const ros::MessageEvent<const sensor_msgs::PointCloud2>& cloud) {
     attempt([&] {
-      const auto objects = decideScene(*cloud.getConstMessage(), *clusters, *candidates, *tables);
+      const ModelIndex& index = models_->update();
+      const auto standing_on = tablesFromMessage(*tables);
+      const auto objects =
+          decideScene(*cloud.getConstMessage(), *clusters, *candidates, standing_on, index);
       const auto ids = tracker_.update(candidates->header.stamp.toSec(), sightingsOf(objects));
 
       auto message = boost::make_shared<RecognizedObjectArray>();
@@ -135,6 +133,9 @@ class RefineNodelet : public StageNodelet {
       message->reason = frameReason(*tables, *candidates, *clusters);
       for (std::size_t i = 0; i < objects.size(); ++i)
         message->objects.push_back(messageFromObject(objects[i], ids[i], message->header));
+      for (std::size_t i = 0; i < objects.size(); ++i)
+        if (hasGrasps(objects[i], index))
+          addGrasps(graspsOf(objects[i], standing_on, index, graspOptions()), message->objects[i]);
 
       objects_pub_.publish(message);
       if (publish_tf_) sendTransforms(*message);
@@ -149,8 +150,7 @@ class RefineNodelet : public StageNodelet {
   std::vector<SceneObject> decideScene(const sensor_msgs::PointCloud2& cloud_message,
                                        const sensor_msgs::PointCloud2& clusters_message,
                                        const CandidateArray& candidates,
-                                       const TableArray& tables_message) {
-    const ModelIndex& index = models_->update();
+                                       const std::vector<Table>& tables, const ModelIndex& index) {
     const Cloud scene = cloudFromMessage(cloud_message);
     const auto labels = labelsFromMessage(clusters_message);
     if (labels.size() != scene.size())
@@ -161,8 +161,20 @@ class RefineNodelet : public StageNodelet {
     std::vector<Proposal> proposals;
     for (const auto& entry : candidates.clusters)
       proposals.push_back(proposalFromMessage(entry, clusters.size()));
-    return decideObjects(scene, clusters, proposals, tablesFromMessage(tables_message), index,
-                         options_.match, options_.refine, options_.verify);
+    return decideObjects(scene, clusters, proposals, tables, index, options_.match, options_.refine,
+                         options_.verify);
+  }
+
+  static bool hasGrasps(const SceneObject& object, const ModelIndex& index) {
+    const int model = index.find(object.name);
+    return model >= 0 && !index.models()[model].grasps.empty();
+  }
+
+  /// As the pick nodelet serves them.
+  GraspOptions graspOptions() const {
+    GraspOptions options;
+    readOptions(getNodeHandle(), "grasp", options);
+    return options;
   }
 
   static std::vector<Sighting> sightingsOf(const std::vector<SceneObject>& objects) {
@@ -182,11 +194,19 @@ class RefineNodelet : public StageNodelet {
   bool onService(GetObjectPose::Request& request, GetObjectPose::Response& response) {
     try {
       response.objects = answer(request, response.reason);
+      publishGrasps(response.objects);
     } catch (const std::exception& error) {
       response.reason = error.what();
     }
     response.success = !response.objects.empty();
     return true;  // false would lose the reason
+  }
+
+  /// Those of the best known object in an answer; an empty array where there is none.
+  void publishGrasps(const std::vector<RecognizedObject>& objects) {
+    const auto best = std::find_if(objects.begin(), objects.end(),
+                                   [](const auto& object) { return object.name != "unknown"; });
+    grasps_pub_.publish(best == objects.end() ? geometry_msgs::PoseArray() : usableGrasps(*best));
   }
 
   /// The objects that a call asks for; none, with the reason, is an answer too.
@@ -289,7 +309,7 @@ class RefineNodelet : public StageNodelet {
   tf2_ros::Buffer tf_;
   tf2_ros::TransformListener tf_listener_{tf_};
   tf2_ros::TransformBroadcaster tf_broadcaster_;
-  ros::Publisher objects_pub_;
+  ros::Publisher objects_pub_, grasps_pub_;
   message_filters::Subscriber<CandidateArray> candidates_sub_;
   message_filters::Subscriber<sensor_msgs::PointCloud2> clusters_sub_;
   message_filters::Subscriber<TableArray> tables_sub_;
