@@ -67,6 +67,12 @@ std::function<void()> discarding(Function function) {
   };
 }
 
+/// How long some work takes [ms].
+double millisecondsOf(const std::function<void()>& work);
+
+/// Of times of at least one run.
+Timing timingOf(std::vector<double> times_ms);
+
 /// Runs `ours` and `stock` in turn, at least `runs` times each; `stock` 5 times at most where one
 /// run takes over 0.3 s.
 StageTiming timeInTurn(const std::string& name, const std::string& stock_name, int runs,
