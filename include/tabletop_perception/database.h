@@ -26,8 +26,9 @@ class ObjectDatabase {
   enum class Mode { READ, WRITE };
 
   /// Opens a file; WRITE creates it where there is none or where it is empty, as a killed creator
-  /// leaves it. Throws DatabaseError with the path and what is wrong with it. READ never changes
-  /// the file, but rolls back what a killed writer left.
+  /// leaves it, and brings one of an older schema up to date. Throws DatabaseError with the path
+  /// and what is wrong with it. READ never changes the file, but rolls back what a killed writer
+  /// left.
   ObjectDatabase(const std::filesystem::path& file, Mode mode);
   ~ObjectDatabase();
   ObjectDatabase(ObjectDatabase&&) noexcept;
@@ -44,6 +45,14 @@ class ObjectDatabase {
 
   /// Takes an object out; false if there is none of that name.
   bool remove(const std::string& name);
+
+  /// Adds a grasp to an object, or replaces its one of that name. Throws DatabaseError when there
+  /// is no such object, std::invalid_argument as checkGrasp.
+  void storeGrasp(const std::string& object, const StoredGrasp& grasp);
+
+  /// Takes a grasp from an object; false if that has none of the name. Throws DatabaseError when
+  /// there is no such object.
+  bool removeGrasp(const std::string& object, const std::string& grasp);
 
   /// One object; throws DatabaseError when there is none of that name or its data are damaged.
   ObjectModel load(const std::string& name) const;

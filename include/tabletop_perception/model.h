@@ -31,6 +31,16 @@ struct View {
   std::vector<Descriptor> descriptors;  ///< of `surface`, seen from the origin
 };
 
+/// A way to take hold of an object with a two-fingered gripper.
+struct StoredGrasp {
+  std::string name;  ///< no other of the object has it
+  /// z the direction in which the gripper comes, y that in which it opens, the origin between the
+  /// fingertips.
+  Eigen::Isometry3d T_object_gripper = Eigen::Isometry3d::Identity();
+  double width = 0;       ///< of the open gripper [m]
+  double preference = 0;  ///< the grasp with the largest is tried first
+};
+
 /// Everything known about one object.
 struct ObjectModel {
   std::string name;    ///< letters, digits, '_' and '-': it becomes part of a tf frame
@@ -41,11 +51,16 @@ struct ObjectModel {
   Symmetry symmetry;
   DescriptorOptions options;  ///< the views were described with
   std::vector<View> views;
+  std::vector<StoredGrasp> grasps;
 };
 
 /// Throws std::invalid_argument unless `name` may name an object: 1 to 100 letters, digits, '_' and
 /// '-', and not "unknown", which is what things without a name are called.
 void checkObjectName(const std::string& name);
+
+/// Throws std::invalid_argument, naming what is amiss, unless the grasp has a name as objects have,
+/// a rotation, a width of 1 mm to 1 m, and only finite numbers.
+void checkGrasp(const StoredGrasp& grasp);
 
 /// Throws std::invalid_argument, naming what is amiss, unless the model is whole: a name, points,
 /// a diameter, views with points, a unit normal for every point, no number that is not finite.

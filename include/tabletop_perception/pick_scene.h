@@ -56,4 +56,9 @@ SceneObject recognizePick(const Pick& pick, const ModelIndex& index,
 void completePick(Pick& pick, const ObjectModel& model, const Eigen::Isometry3d& T_camera_object,
                   const GraspOptions& options);
 
+/// The stored grasps of a recognised object on the table under it; none of an unknown one, and none
+/// without a table.
+std::vector<PlacedGrasp> graspsOf(const SceneObject& object, const std::vector<Table>& tables,
+                                  const ModelIndex& index, const GraspOptions& options);
+
 }  // namespace tabletop_perception

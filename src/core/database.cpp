@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <cstring>
 #include <map>
+#include <optional>
 #include <set>
 
 #include <SQLiteCpp/SQLiteCpp.h>
@@ -17,7 +18,9 @@ namespace fs = std::filesystem;
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "blobs are written as they lie in memory");
 
 constexpr int APPLICATION_ID = 0x5442544F;  ///< "TBTO", for `file` and against foreign databases
-constexpr int SCHEMA_VERSION = 2;
+constexpr int SCHEMA_VERSION = 3;
+constexpr int OLDEST_VERSION = 2;     ///< that can be read
+constexpr int VERSION_OF_GRASPS = 3;  ///< that brought them
 constexpr int BUSY_TIMEOUT_MS = 5000;
 constexpr std::uintmax_t SMALLEST_PAGE = 512;  ///< of SQLite [bytes]
 
@@ -56,6 +59,16 @@ CREATE TABLE descriptor (
   histogram BLOB NOT NULL,
   axes BLOB NOT NULL);                -- 3 x 3 float32, in the camera's frame, or nothing
 CREATE INDEX descriptor_view ON descriptor(view);
+)sql";
+
+const char* const SCHEMA_OF_GRASPS = R"sql(
+CREATE TABLE grasp (
+  object INTEGER NOT NULL REFERENCES object(id) ON DELETE CASCADE,
+  name TEXT NOT NULL,
+  pose BLOB NOT NULL,                 -- T_object_gripper
+  width REAL NOT NULL,                -- [m]
+  preference REAL NOT NULL,
+  PRIMARY KEY (object, name)) WITHOUT ROWID;
 )sql";
 
 [[noreturn]] void fail(const fs::path& file, const std::string& what) {
@@ -126,10 +139,23 @@ bool blank(SQLite::Database& db) {
          db.execAndGet("SELECT count(*) FROM sqlite_master").getInt() == 0;
 }
 
+void setVersion(SQLite::Database& db) {
+  db.exec("PRAGMA user_version = " + std::to_string(SCHEMA_VERSION));
+}
+
 void createSchema(SQLite::Database& db) {
   db.exec(SCHEMA);
+  db.exec(SCHEMA_OF_GRASPS);
   db.exec("PRAGMA application_id = " + std::to_string(APPLICATION_ID));
-  db.exec("PRAGMA user_version = " + std::to_string(SCHEMA_VERSION));
+  setVersion(db);
+}
+
+/// Adds what a file of an older version lacks, and changes nothing that is in it.
+void migrate(SQLite::Database& db) {
+  const int version = pragma(db, "user_version");
+  if (version == SCHEMA_VERSION) return;
+  if (version < VERSION_OF_GRASPS) db.exec(SCHEMA_OF_GRASPS);
+  setVersion(db);
 }
 
 /// Within a transaction, so that nobody writes meanwhile.
@@ -137,9 +163,9 @@ void checkFile(SQLite::Database& db, const fs::path& file) {
   if (pragma(db, "application_id") != APPLICATION_ID)
     fail(file, "is an SQLite file, but not an object database");
   const int version = pragma(db, "user_version");
-  if (version != SCHEMA_VERSION)
+  if (version < OLDEST_VERSION || version > SCHEMA_VERSION)
     fail(file, "has schema version " + std::to_string(version) + ", this program reads " +
-                   std::to_string(SCHEMA_VERSION) +
+                   std::to_string(OLDEST_VERSION) + " to " + std::to_string(SCHEMA_VERSION) +
                    ": train its objects anew, or use the program that wrote it");
   // SQLite takes the missing bytes of the last page for zeros
   const auto size =
@@ -190,7 +216,10 @@ std::unique_ptr<SQLite::Database> openToWrite(const fs::path& file) {
     SQLite::Transaction transaction(*db, SQLite::TransactionBehavior::IMMEDIATE);
     const bool created = blank(*db);
     if (created) createSchema(*db);
-    if (!created) checkFile(*db, file);
+    if (!created) {
+      checkFile(*db, file);
+      migrate(*db);
+    }
     transaction.commit();
     return db;
   });
@@ -281,6 +310,23 @@ void insertOptions(SQLite::Database& db, std::int64_t object, DescriptorOptions 
   });
 }
 
+void insertGrasps(SQLite::Database& db, std::int64_t object,
+                  const std::vector<StoredGrasp>& grasps) {
+  SQLite::Statement insert(db,
+                           "INSERT OR REPLACE INTO grasp (object, name, pose, width, preference) "
+                           "VALUES (?, ?, ?, ?, ?)");
+  for (const auto& grasp : grasps) {
+    const Matrix34RowMajor pose = grasp.T_object_gripper.matrix().topRows<3>();
+    insert.bind(1, object);
+    insert.bind(2, grasp.name);
+    bindBlob(insert, 3, &pose, 1);
+    insert.bind(4, grasp.width);
+    insert.bind(5, grasp.preference);
+    insert.exec();
+    insert.reset();
+  }
+}
+
 std::int64_t insertObject(SQLite::Database& db, const ObjectModel& model) {
   const auto& symmetry = model.symmetry;
   const std::vector<Matrix33RowMajor> rotations(symmetry.rotations.begin(),
@@ -311,6 +357,31 @@ bool deleteObject(SQLite::Database& db, const std::string& name) {
 }
 
 // --- reading
+
+std::optional<std::int64_t> idOf(SQLite::Database& db, const std::string& object) {
+  SQLite::Statement select(db, "SELECT id FROM object WHERE name = ?");
+  select.bind(1, object);
+  if (!select.executeStep()) return std::nullopt;
+  return select.getColumn(0).getInt64();
+}
+
+/// By name; a file of a version that knew none has none.
+std::vector<StoredGrasp> selectGrasps(SQLite::Database& db, std::int64_t object) {
+  std::vector<StoredGrasp> grasps;
+  if (pragma(db, "user_version") < VERSION_OF_GRASPS) return grasps;
+  SQLite::Statement select(
+      db, "SELECT name, pose, width, preference FROM grasp WHERE object = ? ORDER BY name");
+  select.bind(1, object);
+  while (select.executeStep()) {
+    StoredGrasp grasp;
+    grasp.name = select.getColumn(0).getString();
+    grasp.T_object_gripper.affine() = singleBlobOf<Matrix34RowMajor>(select.getColumn(1));
+    grasp.width = select.getColumn(2).getDouble();
+    grasp.preference = select.getColumn(3).getDouble();
+    grasps.push_back(std::move(grasp));
+  }
+  return grasps;
+}
 
 std::vector<Descriptor> selectDescriptors(SQLite::Database& db, std::int64_t view) {
   SQLite::Statement select(
@@ -382,6 +453,7 @@ ObjectModel modelOf(SQLite::Database& db, SQLite::Statement& object) {
   model.colors = blobOf<std::uint32_t>(object.getColumn("colors"));
   model.options = selectOptions(db, id);
   model.views = selectViews(db, id);
+  model.grasps = selectGrasps(db, id);
   checkModel(model);
   return model;
 }
@@ -435,6 +507,7 @@ void ObjectDatabase::store(const std::vector<ObjectModel>& models) {
       const auto object = insertObject(*db_, model);
       insertOptions(*db_, object, model.options);
       insertViews(*db_, object, model.views);
+      insertGrasps(*db_, object, model.grasps);
     }
     transaction.commit();
   });
@@ -444,6 +517,31 @@ bool ObjectDatabase::remove(const std::string& name) {
   return guarded(file_, [&] {
     SQLite::Transaction transaction(*db_, SQLite::TransactionBehavior::IMMEDIATE);
     const bool removed = deleteObject(*db_, name);
+    transaction.commit();
+    return removed;
+  });
+}
+
+void ObjectDatabase::storeGrasp(const std::string& object, const StoredGrasp& grasp) {
+  checkGrasp(grasp);
+  guarded(file_, [&] {
+    SQLite::Transaction transaction(*db_, SQLite::TransactionBehavior::IMMEDIATE);
+    const auto id = idOf(*db_, object);
+    if (!id) fail(file_, "holds no object '" + object + "'");
+    insertGrasps(*db_, *id, {grasp});
+    transaction.commit();
+  });
+}
+
+bool ObjectDatabase::removeGrasp(const std::string& object, const std::string& grasp) {
+  return guarded(file_, [&] {
+    SQLite::Transaction transaction(*db_, SQLite::TransactionBehavior::IMMEDIATE);
+    const auto id = idOf(*db_, object);
+    if (!id) fail(file_, "holds no object '" + object + "'");
+    SQLite::Statement erase(*db_, "DELETE FROM grasp WHERE object = ? AND name = ?");
+    erase.bind(1, *id);
+    erase.bind(2, grasp);
+    const bool removed = erase.exec() > 0;
     transaction.commit();
     return removed;
   });

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -126,6 +127,35 @@ Eigen::Matrix3d principalAxes(const std::vector<Eigen::Vector3f>& points) {
   return solver.eigenvectors().rowwise().reverse();
 }
 
+/// The points without those inside the octagon of the outermost ones (Akl & Toussaint 1978), which
+/// is most of them: a hull is made by sorting all that it is given.
+std::vector<cv::Point2f> outerPoints(const std::vector<cv::Point2f>& points) {
+  // Along x, x + y, y, y - x and back: counter-clockwise.
+  std::array<cv::Point2f, 8> corners;
+  corners.fill(points.front());
+  for (const auto& p : points) {
+    if (p.x > corners[0].x) corners[0] = p;
+    if (p.x + p.y > corners[1].x + corners[1].y) corners[1] = p;
+    if (p.y > corners[2].y) corners[2] = p;
+    if (p.y - p.x > corners[3].y - corners[3].x) corners[3] = p;
+    if (p.x < corners[4].x) corners[4] = p;
+    if (p.x + p.y < corners[5].x + corners[5].y) corners[5] = p;
+    if (p.y < corners[6].y) corners[6] = p;
+    if (p.y - p.x < corners[7].y - corners[7].x) corners[7] = p;
+  }
+  const auto inside = [&](const cv::Point2f& p) {
+    for (std::size_t k = 0; k < corners.size(); ++k) {
+      const cv::Point2f from = corners[k], to = corners[(k + 1) % corners.size()];
+      if (from != to && (to - from).cross(p - from) <= 0) return false;
+    }
+    return true;
+  };
+  std::vector<cv::Point2f> outer;
+  std::copy_if(points.begin(), points.end(), std::back_inserter(outer),
+               [&](const cv::Point2f& p) { return !inside(p); });
+  return outer.empty() ? points : outer;  // all are one
+}
+
 /// Columns: the sides of the least rectangle about the points as seen along `up`, then `up`.
 /// Principal axes would be drawn aside wherever the camera sees more of one side than of the other.
 Eigen::Matrix3d uprightAxes(const std::vector<Eigen::Vector3f>& points, const Eigen::Vector3d& up) {
@@ -138,7 +168,7 @@ Eigen::Matrix3d uprightAxes(const std::vector<Eigen::Vector3f>& points, const Ei
     flat.emplace_back(static_cast<float>(u.dot(d)), static_cast<float>(v.dot(d)));
   }
   std::array<cv::Point2f, 4> corners;
-  cv::minAreaRect(flat).points(corners.data());
+  cv::minAreaRect(outerPoints(flat)).points(corners.data());
   const cv::Point2f a = corners[1] - corners[0], b = corners[2] - corners[1];
   const cv::Point2f side = cv::norm(a) > cv::norm(b) ? a : b;
   const Eigen::Vector3d along = side.x * u + side.y * v;

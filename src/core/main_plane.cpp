@@ -4,6 +4,7 @@
 #include <cmath>
 #include <initializer_list>
 #include <random>
+#include <vector>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
@@ -13,8 +14,9 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr std::size_t SAMPLE_SIZE = 2000;  // points that planes are counted over
+constexpr std::size_t SAMPLE_SIZE = 1500;  // points that planes are counted over
 constexpr int DRAWS = 8;
+constexpr int CLIMBS = 3;  // from the best of the draws
 constexpr std::uint32_t SEED = 1;
 constexpr int REWEIGHTINGS = 10;
 constexpr double LEAST_ERROR = 5e-4;  // that weighs less than any larger one [m]
@@ -90,13 +92,17 @@ Eigen::Vector4d leastAbsolute(const Cloud& points, const Eigen::Vector4d& near, 
 std::optional<Eigen::Vector4d> mainPlane(const Cloud& thing, double distance) {
   const Cloud points = samplePoints(thing, SAMPLE_SIZE);
   std::mt19937 random(SEED);
-  CountedPlane best;
+  std::vector<CountedPlane> starts;
   for (int i = 0; i < DRAWS; ++i) {
     const auto drawn = drawPlane(points, distance, std::nullopt, random);
     if (!drawn) return std::nullopt;
-    CountedPlane start;
-    start.offer(points, *drawn, distance);
-    const auto reached = climbed(points, start, distance);
+    starts.emplace_back().offer(points, *drawn, distance);
+  }
+  std::stable_sort(starts.begin(), starts.end(),
+                   [](const auto& a, const auto& b) { return a.near > b.near; });
+  CountedPlane best;
+  for (int i = 0; i < CLIMBS; ++i) {
+    const auto reached = climbed(points, starts[i], distance);
     if (reached.near > best.near) best = reached;
   }
   return leastAbsolute(points, best.plane, distance);

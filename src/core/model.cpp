@@ -2,13 +2,15 @@
 
 #include <cctype>
 #include <cmath>
+#include <set>
 #include <stdexcept>
 
 namespace tabletop_perception {
 namespace {
 
 constexpr std::size_t MAX_NAME_LENGTH = 100;
-constexpr float UNIT_TOLERANCE = 0.01f;  ///< normals went through files of few digits
+constexpr double MIN_WIDTH = 0.001, MAX_WIDTH = 1;  ///< of a gripper [m]
+constexpr float UNIT_TOLERANCE = 0.01f;             ///< normals went through files of few digits
 
 [[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument(what); }
 
@@ -55,16 +57,47 @@ void checkView(const std::string& what, const View& view) {
 
 }  // namespace
 
-void checkObjectName(const std::string& name) {
+namespace {
+
+/// What may name an object or a grasp.
+void checkName(const std::string& name, const std::string& of_what) {
   const auto allowed = [](unsigned char c) {
     return c < 128 && (std::isalnum(c) || c == '_' || c == '-');
   };
   bool good = !name.empty() && name.size() <= MAX_NAME_LENGTH && name != "unknown";
   for (const char c : name) good = good && allowed(static_cast<unsigned char>(c));
   if (good) return;
-  refuse("'" + name + "' cannot name an object: 1 to " + std::to_string(MAX_NAME_LENGTH) +
+  refuse("'" + name + "' cannot name " + of_what + ": 1 to " + std::to_string(MAX_NAME_LENGTH) +
          " letters, digits, '_' and '-', and not \"unknown\"");
 }
+
+}  // namespace
+
+void checkObjectName(const std::string& name) { checkName(name, "an object"); }
+
+void checkGrasp(const StoredGrasp& grasp) {
+  checkName(grasp.name, "a grasp");
+  const std::string what = "grasp '" + grasp.name + "'";
+  const Eigen::Matrix3d rotation = grasp.T_object_gripper.linear();
+  if (!grasp.T_object_gripper.matrix().allFinite()) refuse(what + " has a pose that is not finite");
+  if (!(rotation * rotation.transpose()).isIdentity(1e-6) || rotation.determinant() < 0)
+    refuse(what + " has a pose that is no rotation and translation");
+  if (!(grasp.width >= MIN_WIDTH && grasp.width <= MAX_WIDTH))  // not so for NaN
+    refuse(what + " has the width " + std::to_string(grasp.width) + " m, must be 0.001 to 1");
+  if (!std::isfinite(grasp.preference)) refuse(what + " has a preference that is not finite");
+}
+
+namespace {
+
+void checkGrasps(const std::string& what, const std::vector<StoredGrasp>& grasps) {
+  std::set<std::string> names;
+  for (const auto& grasp : grasps) {
+    checkGrasp(grasp);
+    if (!names.insert(grasp.name).second) refuse(what + " has two grasps '" + grasp.name + "'");
+  }
+}
+
+}  // namespace
 
 void checkModel(const ObjectModel& model) {
   checkObjectName(model.name);
@@ -80,6 +113,7 @@ void checkModel(const ObjectModel& model) {
   if (model.views.empty()) refuse(what + " has no view");
   for (std::size_t i = 0; i < model.views.size(); ++i)
     checkView(what + ", view " + std::to_string(i) + ",", model.views[i]);
+  checkGrasps(what, model.grasps);
 }
 
 }  // namespace tabletop_perception

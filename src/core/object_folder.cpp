@@ -1,5 +1,6 @@
 #include "tabletop_perception/object_folder.h"
 
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <stdexcept>
@@ -52,6 +53,19 @@ std::vector<double> rowByRow(const Matrix& matrix) {
   return values;
 }
 
+void writeGrasp(YAML::Emitter& yaml, const StoredGrasp& grasp) {
+  const Eigen::Quaterniond orientation(grasp.T_object_gripper.linear());
+  yaml << YAML::BeginMap;
+  yaml << YAML::Key << "name" << YAML::Value << YAML::DoubleQuoted << grasp.name;
+  yaml << YAML::Key << "position" << YAML::Value
+       << rowByRow(Eigen::Vector3d(grasp.T_object_gripper.translation()))
+       << YAML::Comment("of the gripper in the object's frame [m]");
+  yaml << YAML::Key << "orientation" << YAML::Value << rowByRow(orientation.coeffs())
+       << YAML::Comment("quaternion x y z w");
+  yaml << YAML::Key << "width" << YAML::Value << grasp.width << YAML::Comment("[m]");
+  yaml << YAML::Key << "preference" << YAML::Value << grasp.preference << YAML::EndMap;
+}
+
 std::string yamlOf(const ObjectModel& model) {
   YAML::Emitter yaml;
   yaml.SetDoublePrecision(17);
@@ -76,7 +90,10 @@ std::string yamlOf(const ObjectModel& model) {
   options.visitFields([&](const std::string& name, const auto& field, const auto&...) {
     yaml << YAML::Key << name << YAML::Value << field;
   });
-  yaml << YAML::EndMap << YAML::EndMap;
+  yaml << YAML::EndMap;
+  yaml << YAML::Key << "grasps" << YAML::Value << YAML::Block << YAML::BeginSeq;
+  for (const auto& grasp : model.grasps) writeGrasp(yaml, grasp);
+  yaml << YAML::EndSeq << YAML::EndMap;
   return yaml.c_str();
 }
 
@@ -114,8 +131,8 @@ Value valueOf(const YAML::Node& yaml, const std::string& key) {
 template <int ROWS, int COLUMNS>
 Eigen::Matrix<double, ROWS, COLUMNS> matrixOf(const std::vector<double>& values) {
   if (values.size() != ROWS * COLUMNS)
-    throw std::invalid_argument("has a symmetry with " + std::to_string(values.size()) +
-                                " values instead of " + std::to_string(ROWS * COLUMNS));
+    throw std::invalid_argument("has " + std::to_string(values.size()) + " values instead of " +
+                                std::to_string(ROWS * COLUMNS));
   Eigen::Matrix<double, ROWS, COLUMNS> matrix;
   for (int i = 0; i < ROWS * COLUMNS; ++i) matrix(i / COLUMNS, i % COLUMNS) = values[i];
   return matrix;
@@ -132,6 +149,22 @@ Symmetry symmetryOf(const YAML::Node& yaml) {
   return symmetry;
 }
 
+StoredGrasp graspOf(const YAML::Node& yaml) {
+  using Values = std::vector<double>;
+  checkYamlKeys("grasps", yaml, {"name", "position", "orientation", "width", "preference"});
+  StoredGrasp grasp;
+  grasp.name = valueOf<std::string>(yaml, "name");
+  const Eigen::Vector4d orientation = matrixOf<4, 1>(valueOf<Values>(yaml, "orientation"));
+  if (std::abs(orientation.norm() - 1) > 1e-3)
+    throw std::invalid_argument("grasp '" + grasp.name +
+                                "' has an orientation that is no unit quaternion");
+  grasp.T_object_gripper.linear() = Eigen::Quaterniond(orientation.normalized()).toRotationMatrix();
+  grasp.T_object_gripper.translation() = matrixOf<3, 1>(valueOf<Values>(yaml, "position"));
+  grasp.width = valueOf<double>(yaml, "width");
+  grasp.preference = valueOf<double>(yaml, "preference");
+  return grasp;
+}
+
 /// What object.yaml tells: all but the points.
 struct Description {
   ObjectModel model;
@@ -140,8 +173,9 @@ struct Description {
 };
 
 Description parseDescription(const YAML::Node& yaml) {
-  checkYamlKeys("object", yaml,
-                {"name", "origin", "diameter", "colored", "views", "symmetry", "descriptor"});
+  checkYamlKeys(
+      "object", yaml,
+      {"name", "origin", "diameter", "colored", "views", "symmetry", "descriptor", "grasps"});
   Description description;
   auto& model = description.model;
   model.name = valueOf<std::string>(yaml, "name");
@@ -149,6 +183,8 @@ Description parseDescription(const YAML::Node& yaml) {
   model.diameter = valueOf<double>(yaml, "diameter");
   model.symmetry = symmetryOf(valueOf<YAML::Node>(yaml, "symmetry"));
   readYaml("descriptor", valueOf<YAML::Node>(yaml, "descriptor"), model.options);
+  if (yaml["grasps"])  // older folders have none
+    for (const auto& grasp : yaml["grasps"]) model.grasps.push_back(graspOf(grasp));
   description.colored = valueOf<bool>(yaml, "colored");
   description.views = valueOf<std::size_t>(yaml, "views");
   return description;

@@ -10,14 +10,13 @@
 #include "main_plane.h"
 #include "plane_fit.h"
 #include "tabletop_perception/geometry.h"
-#include "tabletop_perception/normals.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr double AT_EDGE = 0.01;         // of a cluster: its outermost points may lack [m]
-constexpr int SCAN_STEP = 4;             // of the pixels that a window is looked for among
-constexpr float FACING_COSINE = 0.866F;  // of a surface's points: 30 deg off its normal
+constexpr double AT_EDGE = 0.01;  // of a cluster: its outermost points may lack [m]
+constexpr int SCAN_STEP = 4;      // of the pixels that a window is looked for among
+constexpr double SPREAD = 4, LEAST_SPREAD = 0.001;  // of a surface: medians of its noise [1, m]
 
 /// Why a pixel cannot be looked at; empty if it can.
 std::string pixelRefusal(const Eigen::Vector2d& pixel, int width, int height) {
@@ -75,21 +74,15 @@ Eigen::Vector3d directed(const Eigen::Vector3d& axis, const Table& table) {
   return in_table[most] < 0 ? Eigen::Vector3d(-axis) : axis;
 }
 
-/// Of a plane's points, by their place in `thing`, those whose normals agree with it: not the strip
-/// of a side face that lies just as near to it. All where fewer than half do: normals are noise.
-Indices facingAlike(const Cloud& cloud, const Indices& thing, const Indices& near,
-                    const Eigen::Vector3d& normal_of_plane) {
-  Cloud alone(cloud.width, cloud.height, false);  // what stands beside it bends no normal
-  for (const int i : thing) alone.setPoint(i, cloud.point(i));
-  const Normals normals = computeNormals(alone, Eigen::Vector3f::Zero(), NormalsOptions());
-  const Eigen::Vector3f z = normal_of_plane.cast<float>();
-  Indices facing;
-  for (const int k : near) {
-    const int i = thing[k];
-    const Eigen::Vector3f normal(normals.x[i], normals.y[i], normals.z[i]);
-    if (normal.dot(z) >= FACING_COSINE) facing.push_back(k);  // not so for NaN
-  }
-  return 2 * facing.size() >= near.size() ? facing : near;
+/// How far from a plane its own points lie, of those within `distance`: a strip of a side face,
+/// which comes as near, spreads evenly. A few times the median, as the strip leaves that be [m].
+double spreadOf(const Cloud& points, const Eigen::Vector4d& plane, double distance) {
+  std::vector<double> offsets;
+  for (const int i : pointsNearPlane(points, plane, distance))
+    offsets.push_back(std::abs(plane.head<3>().dot(points.point(i).cast<double>()) + plane[3]));
+  const auto middle = offsets.begin() + static_cast<std::ptrdiff_t>(offsets.size() / 2);
+  std::nth_element(offsets.begin(), middle, offsets.end());
+  return std::clamp(SPREAD * *middle, std::min(LEAST_SPREAD, distance), distance);
 }
 
 /// The plane with its normal towards the sensor, the origin.
@@ -234,17 +227,17 @@ Found<GraspSurface> graspSurface(const Cloud& cloud, const Indices& thing, const
   const auto largest = mainPlane(points, options.surface_distance);
   if (!largest)
     return Found<GraspSurface>::none(format("its %zu points span no surface", thing.size()));
-  const Cloud facing = selectPoints(
-      points, facingAlike(cloud, thing, pointsNearPlane(points, *largest, options.surface_distance),
-                          facingSensor(*largest).head<3>()));
-  const Eigen::Vector4d plane = *largest;
-  const Eigen::Vector3d middle = centroidOf(pointsAt(facing, validIndices(facing))).cast<double>();
+  const Cloud near = selectPoints(
+      points,
+      pointsNearPlane(points, *largest, spreadOf(points, *largest, options.surface_distance)));
+  const Eigen::Vector3d middle = centroidOf(pointsAt(near, validIndices(near))).cast<double>();
 
   GraspSurface surface;
-  surface.plane = facingSensor(plane);
-  surface.points = static_cast<int>(facing.size());
+  surface.plane = facingSensor(*largest);
+  surface.points = static_cast<int>(near.size());
   const Eigen::Vector3d z = surface.plane.head<3>();
-  const Box sides = boxAround(pointsAt(facing, validIndices(facing)), z);
+
+  const Box sides = boxAround(pointsAt(near, validIndices(near)), z);
   Eigen::Index thickness;
   (sides.T_camera_box.linear().transpose() * z).cwiseAbs().maxCoeff(&thickness);
   const Eigen::Index longer = thickness == 0 ? 1 : 0, shorter = thickness == 2 ? 1 : 2;

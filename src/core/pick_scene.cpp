@@ -174,4 +174,13 @@ void completePick(Pick& pick, const ObjectModel& model, const Eigen::Isometry3d&
   pick.pregrasp = pregraspAbove(pick.box, pick.table, options);
 }
 
+std::vector<PlacedGrasp> graspsOf(const SceneObject& object, const std::vector<Table>& tables,
+                                  const ModelIndex& index, const GraspOptions& options) {
+  const int model = index.find(object.name);
+  if (model < 0 || tables.empty()) return {};
+  const Eigen::Vector3f middle = object.box.T_camera_box.translation().cast<float>();
+  return placedGrasps(index.models()[model].grasps, object.T_camera_object,
+                      tables[tableUnder(tables, middle)], options);
+}
+
 }  // namespace tabletop_perception

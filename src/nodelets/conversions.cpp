@@ -252,6 +252,50 @@ RecognizedObject messageFromObject(const SceneObject& object, std::uint32_t id,
   return message;
 }
 
+namespace {
+
+Grasp messageFromGrasp(const PlacedGrasp& placed) {
+  Grasp message;
+  message.name = placed.grasp.name;
+  message.pose = messageFromPose(placed.T_camera_gripper);
+  message.pregrasp = messageFromPose(placed.T_camera_pregrasp);
+  message.width = placed.grasp.width;
+  message.preference = placed.grasp.preference;
+  message.reason = placed.reason;
+  return message;
+}
+
+}  // namespace
+
+void addGrasps(const std::vector<PlacedGrasp>& grasps, RecognizedObject& message) {
+  for (const auto& placed : grasps) message.grasps.push_back(messageFromGrasp(placed));
+}
+
+geometry_msgs::PoseArray usableGrasps(const RecognizedObject& object) {
+  geometry_msgs::PoseArray poses;
+  poses.header = object.header;
+  for (const auto& grasp : object.grasps)
+    if (grasp.reason.empty()) poses.poses.push_back(grasp.pose);
+  return poses;
+}
+
+RecognizedObject movedTo(const std::string& target_frame, const Eigen::Isometry3d& T_target_camera,
+                         RecognizedObject object) {
+  const auto move = [&](geometry_msgs::Pose& pose) {
+    pose = messageFromPose(T_target_camera * poseFromMessage(pose));
+  };
+  object.header.frame_id = target_frame;
+  move(object.pose);
+  move(object.box_pose);
+  object.pose_covariance = messageFromCovariance(
+      turnedCovariance(covarianceFromMessage(object.pose_covariance), T_target_camera.linear()));
+  for (auto& grasp : object.grasps) {
+    move(grasp.pose);
+    move(grasp.pregrasp);
+  }
+  return object;
+}
+
 std::string objectFrame(const std::string& name, std::uint32_t id) {
   std::string frame = name + '_' + std::to_string(id);
   const auto allowed = [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-'; };

@@ -7,6 +7,7 @@
 
 #include <geometry_msgs/Point.h>
 #include <geometry_msgs/Pose.h>
+#include <geometry_msgs/PoseArray.h>
 #include <geometry_msgs/TransformStamped.h>
 #include <sensor_msgs/PointCloud2.h>
 
@@ -15,6 +16,7 @@
 #include "messages.h"
 #include "tabletop_perception/cloud.h"
 #include "tabletop_perception/found.h"
+#include "tabletop_perception/grasp.h"
 #include "tabletop_perception/match.h"
 #include "tabletop_perception/packed_cloud.h"
 #include "tabletop_perception/pipeline.h"
@@ -78,6 +80,16 @@ Proposal proposalFromMessage(const ClusterCandidates& message, std::size_t clust
 /// A thing on the table, with the id that the tracker gave it.
 RecognizedObject messageFromObject(const SceneObject& object, std::uint32_t id,
                                    const std_msgs::Header& header);
+
+/// Adds the grasps of the object, in the frame of the message's poses.
+void addGrasps(const std::vector<PlacedGrasp>& grasps, RecognizedObject& message);
+
+/// Where the gripper closes by the grasps that can be used, the preferred ones first.
+geometry_msgs::PoseArray usableGrasps(const RecognizedObject& object);
+
+/// The object with all its poses in another frame.
+RecognizedObject movedTo(const std::string& target_frame, const Eigen::Isometry3d& T_target_camera,
+                         RecognizedObject object);
 
 /// `name` and `id` as a tf frame: <name>_<id>, with every character that is no letter, digit, '_'
 /// or '-' replaced by '_'.

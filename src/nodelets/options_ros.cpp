@@ -49,15 +49,8 @@ void readParameter(const std::string& name, XmlRpcValue value, std::vector<doubl
 
 PipelineOptions servedOptions(const ros::NodeHandle& nh) {
   PipelineOptions options;
-  options.visitStages([&](const std::string& section, auto& stage) {
-    XmlRpc::XmlRpcValue set;
-    nh.getParam(section, set);
-    if (set.getType() != XmlRpc::XmlRpcValue::TypeStruct) return;
-    stage.visitFields([&](const std::string& name, auto& field, const auto&...) {
-      if (set.hasMember(name)) readParameter(section + "/" + name, set[name], field);
-    });
-    checkOptions(section, stage);
-  });
+  options.visitStages(
+      [&](const std::string& section, auto& stage) { readOptions(nh, section, stage); });
   return options;
 }
 

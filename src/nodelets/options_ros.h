@@ -57,6 +57,18 @@ void checkParameters(const std::string& node, XmlRpc::XmlRpcValue parameters,
                                   list);
 }
 
+/// The options of a stage as the parameters under `nh`/`section`, which another nodelet serves,
+/// are set.
+template <typename Options>
+void readOptions(const ros::NodeHandle& nh, const std::string& section, Options& options) {
+  XmlRpc::XmlRpcValue set;
+  if (!nh.getParam(section, set) || set.getType() != XmlRpc::XmlRpcValue::TypeStruct) return;
+  options.visitFields([&](const std::string& name, auto& field, const auto&...) {
+    if (set.hasMember(name)) readParameter(section + "/" + name, set[name], field);
+  });
+  checkOptions(section, options);
+}
+
 /// The options of every stage as the parameters beside a nodelet say: those that the other nodelets
 /// of the graph are served with. Throws std::invalid_argument as checkParameters does.
 PipelineOptions servedOptions(const ros::NodeHandle& nh);

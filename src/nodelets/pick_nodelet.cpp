@@ -55,6 +55,16 @@ PickedObject refusal(const std_msgs::Header& header, const std::string& reason) 
   return message;
 }
 
+/// What is sent in answer to a request.
+struct Answer {
+  PickedObject picked;
+  /// Of the object that was recognised, in the cloud's frame; null without one.
+  sensor_msgs::PointCloud2ConstPtr model;
+  geometry_msgs::Pose model_frame;  ///< at the model's centroid, its axes those of the object
+
+  Answer(PickedObject message) : picked(std::move(message)) {}  // NOLINT: without a model
+};
+
 Projection projectionOf(const sensor_msgs::CameraInfo& info) {
   return {info.K[0],
           info.K[4],
@@ -71,7 +81,9 @@ Projection projectionOf(const sensor_msgs::CameraInfo& info) {
 /// x and y, `~camera_info` of the camera whose pixels they are (without any: those of the cloud),
 /// and
 /// `~cloud` PointCloud2 and `~tables` TableArray of one frame -> `~picked` PickedObject, `~markers`
-/// MarkerArray, tf frames `picked` and `pregrasp`; service `~estimate_pose_at`.
+/// MarkerArray, `~model` PointCloud2, `~grasps` PoseArray, tf frames `picked` and `pregrasp`;
+/// service
+/// `~estimate_pose_at`.
 ///
 /// Every click is answered, within `timeout` [s]: what is in the next frame at that point, or why
 /// nothing is. The frames are sent once, with the stamp of the cloud. Clouds are listened to only
@@ -89,12 +101,15 @@ class PickNodelet : public StageNodelet {
     timeout_ = parameter("timeout", 2.0);
     checkOption("timeout", timeout_, Range{0.1, 600});
     publish_tf_ = parameter("publish_tf", true);
+    planning_frame_ = parameter("planning_frame", std::string());
     serveOptions<PickConfig>(getPrivateNodeHandle(), options_);
     serveOptions<GraspConfig>(ros::NodeHandle(getNodeHandle(), "grasp"), grasp_options_);
 
     auto& nh = getPrivateNodeHandle();
     picked_pub_ = nh.advertise<PickedObject>("picked", 5);
     markers_pub_ = nh.advertise<visualization_msgs::MarkerArray>("markers", 5);
+    model_pub_ = nh.advertise<sensor_msgs::PointCloud2>("model", 5, true);
+    grasps_pub_ = nh.advertise<geometry_msgs::PoseArray>("grasps", 5, true);
     sync_.registerCallback(&PickNodelet::onFrame, this);
     point_sub_ = nh.subscribe("/clicked_point", 5, &PickNodelet::onPoint, this);
     pixel_sub_ = nh.subscribe("clicked_pixel", 5, &PickNodelet::onPixel, this);
@@ -208,15 +223,46 @@ class PickNodelet : public StageNodelet {
     return taken;
   }
 
-  void finish(const Request& request, const PickedObject& picked) {
+  void finish(const Request& request, const Answer& answer) {
+    const PickedObject& picked = answer.picked;
     if (!picked.success) warn("nothing picked: " + picked.reason);
     picked_pub_.publish(picked);
     markers_pub_.publish(pickMarkers(picked));
-    if (picked.success && publish_tf_)
-      tf_broadcaster_.sendTransform({transformMessage(picked.pose, picked.header, "picked"),
-                                     transformMessage(picked.pregrasp, picked.header, "pregrasp")});
+    publishGrasps(picked.object);
+    model_pub_.publish(answer.model ? *answer.model
+                                    : *messageFromCloud(Cloud(0, 1, false), picked.header));
+    if (picked.success && publish_tf_) sendFrames(answer);
     request.answer(picked);
     updateSubscriptions();
+  }
+
+  void sendFrames(const Answer& answer) {
+    const auto& header = answer.picked.header;
+    std::vector<geometry_msgs::TransformStamped> frames = {
+        transformMessage(answer.picked.pose, header, "picked"),
+        transformMessage(answer.picked.pregrasp, header, "pregrasp")};
+    if (answer.model)
+      frames.push_back(transformMessage(answer.model_frame, header, "picked_model"));
+    tf_broadcaster_.sendTransform(frames);
+  }
+
+  /// Of what was picked, in the planning frame; an empty array where it has none or cannot be moved
+  /// there.
+  void publishGrasps(RecognizedObject object) {
+    for (const auto& grasp : object.grasps)
+      if (!grasp.reason.empty()) warn("grasp " + grasp.name + " left out: " + grasp.reason);
+    try {
+      if (!planning_frame_.empty() && !object.grasps.empty()) {
+        const auto T_planning_camera =
+            lookupTransformBy(Clock::now() + TF_WAIT, tf_, planning_frame_, object.header.frame_id,
+                              object.header.stamp);
+        object = movedTo(planning_frame_, T_planning_camera, std::move(object));
+      }
+    } catch (const tf2::TransformException& error) {
+      warn("no grasps in the planning frame '" + planning_frame_ + "': " + error.what());
+      object.grasps.clear();
+    }
+    grasps_pub_.publish(usableGrasps(object));
   }
 
   std::string inputsReport() const {
@@ -229,7 +275,7 @@ class PickNodelet : public StageNodelet {
 
   // --- the work
 
-  PickedObject pick(const Request& request, const CloudMessage& message, const TableArray& tables) {
+  Answer pick(const Request& request, const CloudMessage& message, const TableArray& tables) {
     const PipelineOptions options = currentOptions();
     if (tables.tables.empty()) return refusal(message.header, "no table: " + tables.reason);
     const Cloud& cloud = message.cloud();
@@ -241,25 +287,35 @@ class PickNodelet : public StageNodelet {
 
     SceneObject object =
         unknownObject(pick->window.cloud, pick->thing(), 2, std::optional<Table>(pick->table));
-    if (models_) object = recognized(*pick.value, request.name, options);
-    return filled(*pick, object, message.header);
+    if (!models_) return filled(*pick, object, message.header);
+
+    const ModelIndex& known = models_->update();
+    std::optional<ModelIndex> single;
+    if (!request.name.empty()) single.emplace(onlyModel(known, request.name));
+    const ModelIndex& index = single ? *single : known;
+    object = recognizePick(*pick, index, options);
+    const int model = index.find(object.name);
+    if (model < 0) return filled(*pick, object, message.header);
+    const Surface& surface = index.models()[model].surface;
+    completePick(*pick.value, index.models()[model], object.T_camera_object, options.grasp);
+
+    Answer answer = filled(*pick, object, message.header);
+    auto& picked = answer.picked.object;
+    addGrasps(graspsOf(object, {pick->table}, index, options.grasp), picked);
+    RecognizedObjectArray alone;
+    alone.objects = {picked};
+    answer.model = messageFromCloud(modelsAtPoses(alone, index), message.header);
+    answer.model_frame = messageFromPose(
+        object.T_camera_object * Eigen::Translation3d(centroidOf(surface.points).cast<double>()));
+    return answer;
   }
 
-  SceneObject recognized(Pick& pick, const std::string& name, const PipelineOptions& options) {
-    const ModelIndex* index = &models_->update();
-    std::optional<ModelIndex> single;
-    if (!name.empty()) {
-      const int model = index->find(name);
-      if (model < 0)
-        throw std::invalid_argument("no object '" + name + "' in database " +
-                                    models_->file().string());
-      index = &single.emplace(std::vector<ObjectModel>{index->models()[model]});
-    }
-    const SceneObject object = recognizePick(pick, *index, options);
-    const int model = index->find(object.name);
-    if (model >= 0)
-      completePick(pick, index->models()[model], object.T_camera_object, options.grasp);
-    return object;
+  ModelIndex onlyModel(const ModelIndex& index, const std::string& name) const {
+    const int model = index.find(name);
+    if (model < 0)
+      throw std::invalid_argument("no object '" + name + "' in database " +
+                                  models_->file().string());
+    return ModelIndex(std::vector<ObjectModel>{index.models()[model]});
   }
 
   static PickedObject filled(const Pick& pick, const SceneObject& object,
@@ -333,6 +389,7 @@ class PickNodelet : public StageNodelet {
   GraspOptions grasp_options_;
   double timeout_ = 2;
   bool publish_tf_ = true;
+  std::string planning_frame_;  ///< of the grasps; empty: the cloud's
   std::optional<ModelSource> models_;
   sensor_msgs::CameraInfoConstPtr info_;
 
@@ -342,7 +399,7 @@ class PickNodelet : public StageNodelet {
   tf2_ros::Buffer tf_;
   tf2_ros::TransformListener tf_listener_{tf_};
   tf2_ros::TransformBroadcaster tf_broadcaster_;
-  ros::Publisher picked_pub_, markers_pub_;
+  ros::Publisher picked_pub_, markers_pub_, model_pub_, grasps_pub_;
   ros::Subscriber point_sub_, pixel_sub_, info_sub_;
   ros::WallTimer timer_;
   message_filters::Subscriber<CloudMessage> cloud_sub_;

@@ -26,6 +26,7 @@
 #include "tabletop_perception/RefineConfig.h"
 #include "tabletop_perception/TrackConfig.h"
 #include "tabletop_perception/VerifyConfig.h"
+#include "tabletop_perception/pick_scene.h"
 #include "tabletop_perception/pipeline.h"
 #include "tabletop_perception/tracker.h"
 #include "tf_wait.h"
@@ -56,26 +57,17 @@ std::string namesOf(const RecognizedObjectArray& frame) {
   return names;
 }
 
-RecognizedObject movedTo(const std::string& target_frame, const Eigen::Isometry3d& T_target_camera,
-                         RecognizedObject object) {
-  object.header.frame_id = target_frame;
-  object.pose = messageFromPose(T_target_camera * poseFromMessage(object.pose));
-  object.box_pose = messageFromPose(T_target_camera * poseFromMessage(object.box_pose));
-  object.pose_covariance = messageFromCovariance(
-      turnedCovariance(covarianceFromMessage(object.pose_covariance), T_target_camera.linear()));
-  return object;
-}
-
 }  // namespace
 
 /// `~candidates` CandidateArray and `~clusters` PointCloud2 with labels from match, `~tables`
 /// TableArray, and `~cloud`, the filtered PointCloud2 of the whole scene -> `~objects`
-/// RecognizedObjectArray and a tf frame per object; service `~get_object_pose` GetObjectPose. Every
-/// frame is answered, also one without a table or an object.
+/// RecognizedObjectArray and a tf frame per object; service `~get_object_pose` GetObjectPose, with
+/// whose answers `~grasps` PoseArray goes. Every frame is answered, also one without a table or an
+/// object.
 ///
 /// Parameters: `database`, the file with the objects; `publish_tf`; `track_frame`, the tf frame in
 /// which things at rest do not move (empty: the camera's, which then must not move either). The
-/// options of verify and track live in the namespaces `verify` and `track` beside this nodelet, as
+/// options of verify, track and grasp live in the namespaces of these names beside this nodelet, as
 /// their sections of the yaml file do.
 class RefineNodelet : public StageNodelet {
  public:
@@ -99,6 +91,7 @@ class RefineNodelet : public StageNodelet {
 
     sync_.registerCallback(&RefineNodelet::onFrame, this);
     objects_pub_ = advertise<RecognizedObjectArray>("objects");
+    grasps_pub_ = getPrivateNodeHandle().advertise<geometry_msgs::PoseArray>("grasps", 5, true);
 
     // A waiting call must not hold up the frames it waits for: a queue and threads of its own.
     ros::NodeHandle service_nh(getPrivateNodeHandle());
@@ -129,9 +122,12 @@ class RefineNodelet : public StageNodelet {
                const TableArrayConstPtr& tables,
                const ros::MessageEvent<const CloudMessage>& cloud) {
     attempt(candidates->header.stamp, [&] {
-      auto objects = decideScene(*cloud.getConstMessage(), *clusters, *candidates, *tables);
+      const ModelIndex& index = models_->update();
+      const auto standing_on = tablesFromMessage(*tables);
+      auto objects =
+          decideScene(*cloud.getConstMessage(), *clusters, *candidates, standing_on, index);
       const Eigen::Isometry3d T_track_camera = cameraInTrackFrame(candidates->header);
-      const auto tracked = track(objects, T_track_camera, candidates->header.stamp);
+      const auto tracked = track(objects, index, T_track_camera, candidates->header.stamp);
 
       auto message = boost::make_shared<RecognizedObjectArray>();
       message->header = candidates->header;
@@ -141,6 +137,9 @@ class RefineNodelet : public StageNodelet {
         message->objects.push_back(messageFromObject(objects[i], tracked[i].id, message->header));
         message->objects.back().confirmed = tracked[i].confirmed;
       }
+      for (std::size_t i = 0; i < objects.size(); ++i)
+        if (hasGrasps(objects[i], index))
+          addGrasps(graspsOf(objects[i], standing_on, index, graspOptions()), message->objects[i]);
 
       objects_pub_.publish(message);
       if (publish_tf_) sendTransforms(*message, T_track_camera);
@@ -155,8 +154,7 @@ class RefineNodelet : public StageNodelet {
   std::vector<SceneObject> decideScene(const CloudMessage& cloud_message,
                                        const CloudMessage& clusters_message,
                                        const CandidateArray& candidates,
-                                       const TableArray& tables_message) {
-    const ModelIndex& index = models_->update();
+                                       const std::vector<Table>& tables, const ModelIndex& index) {
     const Cloud& scene = cloud_message.cloud();
     const auto& labels = clusters_message.labels();
     if (labels.size() != scene.size())
@@ -167,8 +165,20 @@ class RefineNodelet : public StageNodelet {
     std::vector<Proposal> proposals;
     for (const auto& entry : candidates.clusters)
       proposals.push_back(proposalFromMessage(entry, clusters.size()));
-    return decideObjects(scene, clusters, proposals, tablesFromMessage(tables_message), index,
-                         options_.match, options_.refine, options_.verify);
+    return decideObjects(scene, clusters, proposals, tables, index, options_.match, options_.refine,
+                         options_.verify);
+  }
+
+  static bool hasGrasps(const SceneObject& object, const ModelIndex& index) {
+    const int model = index.find(object.name);
+    return model >= 0 && !index.models()[model].grasps.empty();
+  }
+
+  /// As the pick nodelet serves them.
+  GraspOptions graspOptions() const {
+    GraspOptions options;
+    readOptions(getNodeHandle(), "grasp", options);
+    return options;
   }
 
   /// Where the camera was in the frame that things are tracked in. Throws when tf does not know.
@@ -179,9 +189,8 @@ class RefineNodelet : public StageNodelet {
   }
 
   /// Tells the objects apart from those of other frames, and makes their poses the filtered ones.
-  std::vector<TrackedThing> track(std::vector<SceneObject>& objects,
+  std::vector<TrackedThing> track(std::vector<SceneObject>& objects, const ModelIndex& index,
                                   const Eigen::Isometry3d& T_track_camera, const ros::Time& stamp) {
-    const ModelIndex& index = models_->update();
     std::vector<Sighting> sightings;
     for (const auto& object : objects) {
       const int model = index.find(object.name);
@@ -216,11 +225,19 @@ class RefineNodelet : public StageNodelet {
   bool onService(GetObjectPose::Request& request, GetObjectPose::Response& response) {
     try {
       response.objects = answer(request, response.reason);
+      publishGrasps(response.objects);
     } catch (const std::exception& error) {
       response.reason = error.what();
     }
     response.success = !response.objects.empty();
     return true;  // false would lose the reason
+  }
+
+  /// Those of the best known object in an answer; an empty array where there is none.
+  void publishGrasps(const std::vector<RecognizedObject>& objects) {
+    const auto best = std::find_if(objects.begin(), objects.end(),
+                                   [](const auto& object) { return object.name != "unknown"; });
+    grasps_pub_.publish(best == objects.end() ? geometry_msgs::PoseArray() : usableGrasps(*best));
   }
 
   /// The objects that a call asks for; none, with the reason, is an answer too.
@@ -325,7 +342,7 @@ class RefineNodelet : public StageNodelet {
   tf2_ros::Buffer tf_;
   tf2_ros::TransformListener tf_listener_{tf_};
   tf2_ros::TransformBroadcaster tf_broadcaster_;
-  ros::Publisher objects_pub_;
+  ros::Publisher objects_pub_, grasps_pub_;
   message_filters::Subscriber<CandidateArray> candidates_sub_;
   message_filters::Subscriber<CloudMessage> clusters_sub_;
   message_filters::Subscriber<TableArray> tables_sub_;

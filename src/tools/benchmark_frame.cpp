@@ -107,7 +107,8 @@ std::vector<StageTiming> benchmarkFrame(const Frame& frame, const PipelineOption
   if (found.clusters.empty() || models.vectors(VFH).entries.empty()) return {};
   std::vector<stock::Points::ConstPtr> voxels;
   for (const auto& cluster : found.clusters)
-    voxels.push_back(stock::packagedPcl().voxelGrid(stock::pointsOf(keepPoints(found.scene, cluster))));
+    voxels.push_back(
+        stock::packagedPcl().voxelGrid(stock::pointsOf(keepPoints(found.scene, cluster))));
 
   const StockChain chain(models);
   const auto stock = [&] {

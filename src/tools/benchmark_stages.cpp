@@ -13,6 +13,7 @@
 #include <opencv2/core/utility.hpp>
 
 #include "benchmark_frame.h"
+#include "benchmark_pick.h"
 #include "benchmark_recognition.h"
 #include "stock_pcl.h"
 #include "tabletop_perception/normals.h"
@@ -25,22 +26,9 @@ namespace {
 constexpr double SLOW_MS = 300;
 constexpr int SLOW_RUNS = 5;
 
-double millisecondsOf(const std::function<void()>& work) {
-  const auto start = std::chrono::steady_clock::now();
-  work();
-  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
-      .count();
-}
-
 /// Has malloc sort the small pieces that were freed, which it puts off until the next large
 /// allocation: neither side pays for what the other left behind.
 void tidyHeap() { std::free(std::malloc(1 << 20)); }
-
-Timing timingOf(std::vector<double> times_ms) {
-  std::sort(times_ms.begin(), times_ms.end());
-  const std::size_t n = times_ms.size();
-  return {times_ms.front(), (times_ms[(n - 1) / 2] + times_ms[n / 2]) / 2, static_cast<int>(n)};
-}
 
 Timing timeAlone(int runs, const std::function<void()>& work) {
   work();
@@ -219,6 +207,19 @@ void timeClusters(const Cloud& filtered, const Indices& standing, const ClusterO
 
 }  // namespace
 
+double millisecondsOf(const std::function<void()>& work) {
+  const auto start = std::chrono::steady_clock::now();
+  work();
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
+      .count();
+}
+
+Timing timingOf(std::vector<double> times_ms) {
+  std::sort(times_ms.begin(), times_ms.end());
+  const std::size_t n = times_ms.size();
+  return {times_ms.front(), (times_ms[(n - 1) / 2] + times_ms[n / 2]) / 2, static_cast<int>(n)};
+}
+
 StageTiming timeInTurn(const std::string& name, const std::string& stock_name, int runs,
                        const std::function<void()>& ours, const std::function<void()>& stock,
                        const std::function<void()>& rebuilt) {
@@ -282,8 +283,10 @@ SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector
       compareNormals(scene.cloud, *table, runs, timing);
     }
   }
+  const auto segmentation = segmentScene(scene.cloud, up, options);
+  for (auto& stage : benchmarkPick(scene.cloud, segmentation, up, options, runs))
+    timing.stages.push_back(std::move(stage));
   if (models) {
-    const auto segmentation = segmentScene(scene.cloud, up, options);
     for (auto& stage : benchmarkRecognition(segmentation, *models, runs))
       timing.stages.push_back(std::move(stage));
     const Frame frame{packedView(message), up,

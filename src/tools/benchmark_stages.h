@@ -68,6 +68,12 @@ std::function<void()> discarding(Function function) {
   };
 }
 
+/// How long some work takes [ms].
+double millisecondsOf(const std::function<void()>& work);
+
+/// Of times of at least one run.
+Timing timingOf(std::vector<double> times_ms);
+
 /// Runs `ours`, `stock` and, if there is one, `rebuilt` in turn, at least `runs` times each; the
 /// latter two 5 times at most where one run of `stock` takes over 0.3 s.
 StageTiming timeInTurn(const std::string& name, const std::string& stock_name, int runs,

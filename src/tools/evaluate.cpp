@@ -86,7 +86,7 @@ nlohmann::ordered_json orNull(std::optional<double> value) {
 namespace {
 
 struct EvaluateArguments {
-  std::string labels, poses, picks, models, results, report, config;
+  std::string labels, poses, picks, models, database, results, report, config;
   std::vector<std::string> unknown, by_add_s;
   double min_visible = 0;
   bool json = false, fit = false;
@@ -96,7 +96,8 @@ void evaluate(const EvaluateArguments& arguments) {
   if (!arguments.picks.empty()) {
     const auto options =
         arguments.config.empty() ? PipelineOptions() : readPipelineOptions(arguments.config);
-    return evaluatePicks({arguments.picks, arguments.models, options, arguments.json});
+    return evaluatePicks(
+        {arguments.picks, arguments.models, arguments.database, options, arguments.json});
   }
   checkFolder(arguments.results, "--results");
   if (!arguments.labels.empty())
@@ -135,6 +136,13 @@ void addEvaluate(CLI::App& app) {
                                      "say the objects' symmetries");
   poses->needs(models);
   models->excludes(labels);
+  command
+      ->add_option("--database", arguments->database,
+                   "picks: file of known objects; every object whose visible share gt.json states "
+                   "is picked and recognised")
+      ->type_name("DB")
+      ->needs(picks)
+      ->needs(models);
   command
       ->add_option("--unknown", arguments->unknown,
                    "objects of the truth that were not taught: giving them a name is wrong")

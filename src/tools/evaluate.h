@@ -39,12 +39,13 @@ struct PickEvaluation {
   /// Of .pcd files with labels, or of folders with gt.json and label.png.
   std::filesystem::path truth;
   std::filesystem::path models;  ///< the objects' meshes, to render what has no label.png; or empty
+  std::string database;          ///< file of known objects that picks are recognised with; or empty
   PipelineOptions options;
   bool json = false;
 };
 
 /// Picks every object of labelled scenes at five pixels and prints how many picks took it and how
-/// many frames lie right.
+/// many frames lie right; with a database also how many are recognised at their innermost pixel.
 void evaluatePicks(const PickEvaluation& evaluation);
 
 /// Throws unless it is a folder. `option`: the name that it was given under.

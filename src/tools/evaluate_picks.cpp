@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <iterator>
@@ -6,6 +7,7 @@
 
 #include "evaluate.h"
 #include "pick_truth.h"
+#include "scene_arguments.h"
 #include "tabletop_perception/pick_scene.h"
 #include "true_axes.h"
 
@@ -31,8 +33,11 @@ struct Share {
   ordered_json json() const { return {{"right", right}, {"all", all}}; }
 };
 
+constexpr int BINS = 5;  // of the visible share
+
 struct PickFigures {
   Share separated, touching, z, x;
+  std::array<Share, BINS> recognized;  ///< by the visible share of the object, with a database
 };
 
 /// One pick of a scene, as complaints name it.
@@ -103,20 +108,51 @@ void addAxes(const Eigen::Matrix3d& frame, const TrueAxes& truth, const PickedPi
   if (truth.x) addAngle("x", angleDeg(frame.col(0), *truth.x), MAX_X_ERROR_DEG, where, figures.x);
 }
 
+Found<Pick> pickAt(const PickTruth& truth, const cv::Point& pixel, const PipelineOptions& options) {
+  const auto point =
+      pointAtPixel(truth.cloud, {static_cast<double>(pixel.x), static_cast<double>(pixel.y)},
+                   options.pick.pixel_window);
+  return point ? pickInScene(truth.cloud, *point, truth.up, options)
+               : Found<Pick>::none(point.reason);
+}
+
+/// What picks are recognised with, and held against.
+struct Known {
+  const ModelIndex& index;
+  const TrueModels& models;
+};
+
+/// Picks a target at its innermost pixel and counts whether it comes out with its name and pose.
+void addRecognized(const PickTruth& truth, const PickTarget& target, const Known& known,
+                   const PickedPixel& where, const PipelineOptions& options, PickFigures& figures) {
+  const auto pick = pickAt(truth, target.picks.front(), options);
+  SceneObject object;
+  if (pick) object = recognizePick(*pick, known.index, options);
+  const auto& model = known.models.reference.at(target.posed->name);
+  PoseOutcome outcome{target.posed->name, model.diameter, std::nullopt};
+  if (object.name == outcome.name)
+    outcome.error = measurePose(model, target.posed->T_camera_object, object.T_camera_object);
+  const int bin = static_cast<int>(*target.posed->visible * BINS);
+  figures.recognized[std::clamp(bin, 0, BINS - 1)].add(outcome.right());
+  if (!outcome.right())
+    where.say(outcome.name + " is " +
+              (outcome.error ? formatted(outcome.error->mssd, 1000, 1) + " mm off"
+                             : "taken for " + (pick ? object.name + " " + object.reason
+                                                    : "nothing: " + pick.reason)));
+}
+
 PickFigures figuresOf(const std::string& name, const PickTruth& truth,
-                      const PipelineOptions& options) {
+                      const std::optional<Known>& known, const PipelineOptions& options) {
   PickFigures figures;
   for (const auto& target : truth.targets) {
+    if (known && target.posed && target.posed->visible)
+      addRecognized(truth, target, *known, {name, target.picks.front()}, options, figures);
     if (target.points.size() < MIN_POINTS) continue;
     Share& share = truth.touching(target) ? figures.touching : figures.separated;
     const JudgedTarget judged(truth.cloud, target);
     for (const auto& pixel : target.picks) {
       const PickedPixel where{name, pixel};
-      const auto point =
-          pointAtPixel(truth.cloud, {static_cast<double>(pixel.x), static_cast<double>(pixel.y)},
-                       options.pick.pixel_window);
-      const auto pick = point ? pickInScene(truth.cloud, *point, truth.up, options)
-                              : Found<Pick>::none(point.reason);
+      const auto pick = pickAt(truth, pixel, options);
       const TrueAxes* axes =
           pick ? judged.axesOf(pickedPoints(*pick), truth.labels(pixel)) : nullptr;
       share.add(axes != nullptr);
@@ -133,7 +169,25 @@ PickFigures sumOf(const PickFigures& a, const PickFigures& b) {
     s.right += t.right, s.all += t.all;
     return s;
   };
-  return {sum(a.separated, b.separated), sum(a.touching, b.touching), sum(a.z, b.z), sum(a.x, b.x)};
+  PickFigures both{
+      sum(a.separated, b.separated), sum(a.touching, b.touching), sum(a.z, b.z), sum(a.x, b.x), {}};
+  for (int bin = 0; bin < BINS; ++bin)
+    both.recognized[bin] = sum(a.recognized[bin], b.recognized[bin]);
+  return both;
+}
+
+ordered_json figuresJson(const std::string& category, const PickFigures& figures, bool recognized) {
+  ordered_json json = {{"category", category},
+                       {"separated", figures.separated.json()},
+                       {"touching", figures.touching.json()},
+                       {"z", figures.z.json()},
+                       {"x", figures.x.json()}};
+  for (int bin = 0; recognized && bin < BINS; ++bin) {
+    json["recognized"].push_back(
+        {{"from", static_cast<double>(bin) / BINS}, {"to", static_cast<double>(bin + 1) / BINS}});
+    json["recognized"].back().update(figures.recognized[bin].json());
+  }
+  return json;
 }
 
 /// The folders with a gt.json of which the objects' pixels are known, sorted.
@@ -170,23 +224,22 @@ void evaluatePicks(const PickEvaluation& evaluation) {
   const auto folders = labelledFolders(truth, with_models);
   const TrueModels models =
       with_models ? readTrueModels(evaluation.models, objectsNamedIn(folders)) : TrueModels();
+  std::optional<ModelIndex> index;
+  if (!evaluation.database.empty()) index.emplace(loadModels(evaluation.database));
+  const auto known = index ? std::optional<Known>({*index, models}) : std::nullopt;
   for (const auto& folder : folders)
-    add("all", figuresOf(folder.filename().string(), readPickTruth(folder, models), options));
+    add("all",
+        figuresOf(folder.filename().string(), readPickTruth(folder, models), known, options));
   if (folders.empty())
     for (const auto& scene : labelledScenes(truth, "--picks"))
-      add(scene.category, figuresOf(scene.name, readPickTruth(scene), options));
+      add(scene.category, figuresOf(scene.name, readPickTruth(scene), std::nullopt, options));
 
   PickFigures all;
   for (const auto& row : rows) all = sumOf(all, row.second);
   if (rows.size() > 1) rows.emplace_back("all", all);
   if (evaluation.json) {
     ordered_json lines = ordered_json::array();
-    for (const auto& [name, f] : rows)
-      lines.push_back({{"category", name},
-                       {"separated", f.separated.json()},
-                       {"touching", f.touching.json()},
-                       {"z", f.z.json()},
-                       {"x", f.x.json()}});
+    for (const auto& [name, f] : rows) lines.push_back(figuresJson(name, f, index.has_value()));
     std::printf("%s\n", lines.dump().c_str());
     return;
   }
@@ -195,6 +248,15 @@ void evaluatePicks(const PickEvaluation& evaluation) {
   for (const auto& [name, f] : rows)
     table.push_back({name, f.separated.text(), f.touching.text(), f.z.text(), f.x.text()});
   printColumns(table);
+  if (!index) return;
+  std::vector<std::vector<std::string>> curve = {{"recognised [%]"}, {"all"}};
+  for (int bin = 0; bin < BINS; ++bin) {
+    curve[0].push_back(formatted(100.0 * bin / BINS, 1, 0) + " to " +
+                       formatted(100.0 * (bin + 1) / BINS, 1, 0) + " % visible");
+    curve[1].push_back(all.recognized[bin].text());
+  }
+  std::printf("\n");
+  printColumns(curve);
 }
 
 }  // namespace tabletop_perception::tools

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -31,6 +32,12 @@ struct ObjectsArguments {
   std::string remove;         ///< name of the object to take out; empty: none
   std::string export_folder;  ///< empty: nothing is written
   std::string import_folder;  ///< empty: nothing is read
+  bool grasps = false;
+  std::vector<std::string> add_grasp, remove_grasp;  ///< an object's name and a grasp's, or none
+  std::vector<double> position;                      ///< of the gripper in the object's frame [m]
+  std::vector<double> orientation;                   ///< quaternion x y z w, or none
+  std::vector<double> rpy_deg;                       ///< about the fixed axes x, y, z, or none
+  double width = 0, preference = 0;
 };
 
 // --- what is said of an object
@@ -78,6 +85,7 @@ Row rowOf(const ObjectModel& model) {
           text("%.0f", model.diameter * 1000),
           text("%.0f x %.0f x %.0f", size.x(), size.y(), size.z()),
           std::to_string(model.views.size()),
+          std::to_string(model.grasps.size()),
           descriptorWords(model),
           symmetryWords(model.symmetry),
           oneLine(model.origin)};
@@ -98,8 +106,8 @@ void printRows(const std::vector<Row>& rows) {
 }
 
 void printTable(const std::vector<ObjectModel>& models) {
-  std::vector<Row> rows = {
-      {"name", "diameter [mm]", "size x y z [mm]", "views", "descriptors", "symmetry", "origin"}};
+  std::vector<Row> rows = {{"name", "diameter [mm]", "size x y z [mm]", "views", "grasps",
+                            "descriptors", "symmetry", "origin"}};
   for (const auto& model : models) rows.push_back(rowOf(model));
   printRows(rows);
 }
@@ -126,6 +134,13 @@ ordered_json symmetryJson(const Symmetry& symmetry) {
   return json;
 }
 
+ordered_json graspJson(const StoredGrasp& grasp) {
+  return {{"name", grasp.name},
+          {"pose", poseJson(grasp.T_object_gripper, Eigen::Vector3d::Zero())},
+          {"width", grasp.width},
+          {"preference", grasp.preference}};
+}
+
 ordered_json objectJson(const ObjectModel& model) {
   ordered_json json;
   json["name"] = model.name;
@@ -136,6 +151,8 @@ ordered_json objectJson(const ObjectModel& model) {
   json["views"] = model.views.size();
   json["descriptors"] = countDescriptors(model);
   json["symmetry"] = symmetryJson(model.symmetry);
+  json["grasps"] = ordered_json::array();
+  for (const auto& grasp : model.grasps) json["grasps"].push_back(graspJson(grasp));
   auto options = model.options;
   options.visitFields([&](const std::string& name, const auto& field, const auto&...) {
     json["options"][name] = field;
@@ -154,6 +171,23 @@ void list(const ObjectsArguments& arguments) {
   }
 }
 
+void listGrasps(const ObjectsArguments& arguments) {
+  std::vector<Row> rows = {{"object", "grasp", "position x y z [mm]", "orientation x y z w",
+                            "width [mm]", "preference"}};
+  for (const auto& model : ObjectDatabase(arguments.database, Mode::READ).loadAll())
+    for (const auto& grasp : model.grasps) {
+      const Eigen::Vector3d p = grasp.T_object_gripper.translation() * 1000;
+      const Eigen::Quaterniond q(grasp.T_object_gripper.linear());
+      rows.push_back({model.name, grasp.name, text("%.0f %.0f %.0f", p.x(), p.y(), p.z()),
+                      text("%.3f %.3f %.3f", q.x(), q.y(), q.z()) + text(" %.3f", q.w()),
+                      text("%.0f", grasp.width * 1000), text("%g", grasp.preference)});
+    }
+  if (rows.size() == 1)
+    std::fprintf(stderr, "%s holds no grasps\n", arguments.database.c_str());
+  else
+    printRows(rows);
+}
+
 // --- changes
 
 std::string namesIn(const ObjectDatabase& database) {
@@ -162,14 +196,58 @@ std::string namesIn(const ObjectDatabase& database) {
   return names.empty() ? "none" : names;
 }
 
+/// Opens a database that is there: WRITE alone would make one.
+ObjectDatabase existing(const std::string& file) {
+  ObjectDatabase(file, Mode::READ);
+  return {file, Mode::WRITE};
+}
+
 void remove(const ObjectsArguments& arguments) {
-  ObjectDatabase(arguments.database, Mode::READ);  // refuses a missing file, which WRITE would make
-  ObjectDatabase database(arguments.database, Mode::WRITE);
+  auto database = existing(arguments.database);
   if (!database.remove(arguments.remove))
     throw std::invalid_argument(arguments.database + " holds no object '" + arguments.remove +
                                 "', its objects are: " + namesIn(database));
   std::fprintf(stderr, "removed %s from %s\n", arguments.remove.c_str(),
                arguments.database.c_str());
+}
+
+/// The grasp that the arguments describe.
+StoredGrasp statedGrasp(const ObjectsArguments& arguments) {
+  StoredGrasp grasp;
+  grasp.name = arguments.add_grasp[1];
+  grasp.width = arguments.width;
+  grasp.preference = arguments.preference;
+  const auto& p = arguments.position;
+  grasp.T_object_gripper.translation() << p[0], p[1], p[2];
+  if (const auto& q = arguments.orientation; !q.empty()) {
+    const Eigen::Quaterniond orientation(q[3], q[0], q[1], q[2]);
+    if (!(std::abs(orientation.norm() - 1) <= 1e-3))
+      throw std::invalid_argument("--orientation must be a unit quaternion x y z w, its norm is " +
+                                  text("%g", orientation.norm()));
+    grasp.T_object_gripper.linear() = orientation.normalized().toRotationMatrix();
+  }
+  if (const auto& a = arguments.rpy_deg; !a.empty())
+    grasp.T_object_gripper.linear() =
+        (Eigen::AngleAxisd(a[2] * M_PI / 180, Eigen::Vector3d::UnitZ()) *
+         Eigen::AngleAxisd(a[1] * M_PI / 180, Eigen::Vector3d::UnitY()) *
+         Eigen::AngleAxisd(a[0] * M_PI / 180, Eigen::Vector3d::UnitX()))
+            .toRotationMatrix();
+  return grasp;
+}
+
+void addGrasp(const ObjectsArguments& arguments) {
+  const auto grasp = statedGrasp(arguments);
+  existing(arguments.database).storeGrasp(arguments.add_grasp[0], grasp);
+  std::fprintf(stderr, "added grasp %s to %s\n", grasp.name.c_str(),
+               arguments.add_grasp[0].c_str());
+}
+
+void removeGrasp(const ObjectsArguments& arguments) {
+  const auto& object = arguments.remove_grasp[0];
+  const auto& grasp = arguments.remove_grasp[1];
+  if (!existing(arguments.database).removeGrasp(object, grasp))
+    throw std::invalid_argument("'" + object + "' has no grasp '" + grasp + "'");
+  std::fprintf(stderr, "removed grasp %s from %s\n", grasp.c_str(), object.c_str());
 }
 
 void exportAll(const ObjectsArguments& arguments) {
@@ -213,6 +291,9 @@ void importAll(const ObjectsArguments& arguments) {
 
 void run(const ObjectsArguments& arguments) {
   if (!arguments.remove.empty()) return remove(arguments);
+  if (arguments.grasps) return listGrasps(arguments);
+  if (!arguments.add_grasp.empty()) return addGrasp(arguments);
+  if (!arguments.remove_grasp.empty()) return removeGrasp(arguments);
   if (!arguments.export_folder.empty()) return exportAll(arguments);
   if (!arguments.import_folder.empty()) return importAll(arguments);
   list(arguments);
@@ -222,10 +303,36 @@ std::string notEmpty(const std::string& argument) {
   return argument.empty() ? "must not be empty" : "";
 }
 
+void addGraspOptions(CLI::App& command, CLI::Option& add, ObjectsArguments& arguments) {
+  auto* position = command.add_option("--position", arguments.position,
+                                      "of the gripper in the object's frame [m]");
+  position->type_size(3)->expected(1)->type_name("X Y Z")->needs(&add);
+  auto* orientation = command.add_option("--orientation", arguments.orientation,
+                                         "of the gripper in the object's frame, a quaternion");
+  orientation->type_size(4)->expected(1)->type_name("X Y Z W")->needs(&add);
+  command
+      .add_option("--rpy-deg", arguments.rpy_deg,
+                  "the same by roll, pitch and yaw about fixed axes [deg]")
+      ->type_size(3)
+      ->expected(1)
+      ->type_name("R P Y")
+      ->needs(&add)
+      ->excludes(orientation);
+  auto* width = command.add_option("--width", arguments.width, "of the open gripper [m]");
+  width->type_name("M")->needs(&add);
+  command
+      .add_option("--preference", arguments.preference,
+                  "the grasp with the largest is tried first (default: 0)")
+      ->type_name("P")
+      ->needs(&add);
+  add.needs(position)->needs(width);
+}
+
 }  // namespace
 
 void addObjects(CLI::App& app) {
-  auto* command = app.add_subcommand("objects", "list, remove, export and import known objects");
+  auto* command = app.add_subcommand(
+      "objects", "list, remove, export and import known objects, and ways to grasp them");
   const auto arguments = std::make_shared<ObjectsArguments>();
   command->add_option("--database", arguments->database, "the file of known objects")
       ->required()
@@ -246,10 +353,21 @@ void addObjects(CLI::App& app) {
                    "add the objects of such folders, all of them or none")
       ->check(notEmpty)
       ->type_name("DIR");
+  action->add_flag("--grasps", arguments->grasps, "list the stored grasps");
+  auto* add = action->add_option("--add-grasp", arguments->add_grasp,
+                                 "store a grasp, in the place of one of that name");
+  add->type_size(2)->expected(1)->check(notEmpty)->type_name("OBJECT GRASP");
+  action->add_option("--remove-grasp", arguments->remove_grasp, "take a grasp from an object")
+      ->type_size(2)
+      ->expected(1)
+      ->check(notEmpty)
+      ->type_name("OBJECT GRASP");
   action->require_option(0, 1);
+  addGraspOptions(*command, *add, *arguments);
   command->footer(
       "An imported object takes the place of one with the same name; its views are described "
-      "anew.\n"
+      "anew. A gripper's frame: z the direction in which it comes, y that in which it opens, the\n"
+      "origin between the fingertips.\n"
       "Exit code: 0 done, 2 bad usage or unreadable input.\n"
       "Example: tabletop objects --database objects.db --export objects");
   command->callback([arguments] { run(*arguments); });

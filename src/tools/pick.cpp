@@ -59,16 +59,18 @@ void pick(const PickArguments& arguments) {
                       ? pickInScene(scene.cloud, *target, stated_up ? stated_up : scene.up, options)
                       : Found<Pick>::none(target.reason);
     std::optional<SceneObject> object;
+    std::vector<PlacedGrasp> grasps;
     if (picked && models) {
       object = recognizePick(*picked.value, *models, options);
       if (const int model = models->find(object->name); model >= 0)
         completePick(*picked.value, models->models()[model], object->T_camera_object,
                      options.grasp);
+      grasps = graspsOf(*object, {picked->table}, *models, options.grasp);
     }
     if (arguments.json)
-      std::fputs(jsonLine(pickJson(scene, picked, object)).c_str(), stdout);
+      std::fputs(jsonLine(pickJson(scene, picked, object, grasps)).c_str(), stdout);
     else
-      printPick(scene, picked, object);
+      printPick(scene, picked, object, grasps);
     std::fflush(stdout);
     if (picked) printTimeTable(picked->times_ms, arguments.json ? stderr : stdout);
     any = any || picked;

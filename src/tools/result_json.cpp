@@ -9,16 +9,19 @@ namespace {
 
 ordered_json arrayOf(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-ordered_json orNull(const std::string& reason) {
-  return reason.empty() ? ordered_json() : ordered_json(reason);
-}
+}  // namespace
 
-/// `sensor`: where the origin of the pose's frame is in the scene's own frame [m].
 ordered_json poseJson(const Eigen::Isometry3d& pose, const Eigen::Vector3d& sensor) {
   Eigen::Quaterniond q(pose.linear());
   if (q.w() < 0) q.coeffs() *= -1;
   return {{"position", arrayOf(pose.translation() + sensor)},
           {"orientation", {q.x(), q.y(), q.z(), q.w()}}};
+}
+
+namespace {
+
+ordered_json orNull(const std::string& reason) {
+  return reason.empty() ? ordered_json() : ordered_json(reason);
 }
 
 ordered_json planeJson(const Table& table, const Eigen::Vector3d& sensor) {
@@ -65,6 +68,15 @@ ordered_json objectJson(int id, const SceneObject& object, bool named,
     json["evidence"] = object.name == "unknown" ? ordered_json() : evidenceJson(object.evidence);
   json["reason"] = orNull(object.reason);
   return json;
+}
+
+ordered_json graspJson(const PlacedGrasp& placed, const Eigen::Vector3d& sensor) {
+  return {{"name", placed.grasp.name},
+          {"pose", poseJson(placed.T_camera_gripper, sensor)},
+          {"pregrasp", poseJson(placed.T_camera_pregrasp, sensor)},
+          {"width", placed.grasp.width},
+          {"preference", placed.grasp.preference},
+          {"reason", orNull(placed.reason)}};
 }
 
 ordered_json timesJson(const std::map<std::string, double>& times_ms) {
@@ -137,10 +149,11 @@ ordered_json segmentationJson(const Scene& scene, const Segmentation& segmentati
 }
 
 ordered_json pickJson(const Scene& scene, const Found<Pick>& pick,
-                      const std::optional<SceneObject>& object) {
+                      const std::optional<SceneObject>& object,
+                      const std::vector<PlacedGrasp>& grasps) {
   ordered_json json = {{"scene", scene.name}, {"frame_id", scene.frame_id}, {"stamp", scene.stamp}};
   if (!pick) {
-    for (const char* key : {"plane", "frame", "pregrasp", "object"}) json[key] = nullptr;
+    for (const char* key : {"plane", "frame", "pregrasp", "grasps", "object"}) json[key] = nullptr;
     json["reason"] = pick.reason;
     return json;
   }
@@ -157,6 +170,8 @@ ordered_json pickJson(const Scene& scene, const Found<Pick>& pick,
   json["extents"] = {pick->surface.extents.x(), pick->surface.extents.y()};
   json["pregrasp"] = {{"pose", poseJson(pick->pregrasp.T_camera_gripper, scene.sensor)},
                       {"width", pick->pregrasp.width}};
+  json["grasps"] = ordered_json::array();
+  for (const auto& placed : grasps) json["grasps"].push_back(graspJson(placed, scene.sensor));
   json.update(objectJson(1, thing, true, scene.sensor));
   json["times_ms"] = timesJson(pick->times_ms);
   return json;

@@ -12,6 +12,9 @@
 
 namespace tabletop_perception::tools {
 
+/// Position [m] and quaternion x y z w of a pose; `sensor` as in Scene.
+nlohmann::ordered_json poseJson(const Eigen::Isometry3d& pose, const Eigen::Vector3d& sensor);
+
 /// What `recognize --json` prints for a scene (docs/command_line.md). Positions are in the scene's
 /// own frame, objects are numbered from 1.
 nlohmann::ordered_json recognitionJson(const Scene& scene, const Recognition& recognition);
@@ -20,10 +23,11 @@ nlohmann::ordered_json recognitionJson(const Scene& scene, const Recognition& re
 nlohmann::ordered_json segmentationJson(const Scene& scene, const Segmentation& segmentation);
 
 /// What `pick --json` prints: the object, with the plane of its table and the frames to grasp it
-/// by. `object`: what it was recognised as, if that was asked. Where there is none: only the
-/// reason.
+/// by. `object`: what it was recognised as, if that was asked, and its stored grasps. Where there
+/// is none: only the reason.
 nlohmann::ordered_json pickJson(const Scene& scene, const Found<Pick>& pick,
-                                const std::optional<SceneObject>& object);
+                                const std::optional<SceneObject>& object,
+                                const std::vector<PlacedGrasp>& grasps);
 
 /// The `evidence` of an object, and back. Throws nlohmann::json::exception where a number is
 /// missing.

@@ -91,7 +91,7 @@ void printRecognition(const Scene& scene, const Recognition& recognition,
 }
 
 void printPick(const Scene& scene, const Found<Pick>& pick,
-               const std::optional<SceneObject>& object) {
+               const std::optional<SceneObject>& object, const std::vector<PlacedGrasp>& grasps) {
   std::printf("%s\n", scene.name.c_str());
   if (!pick) {
     std::printf("  reason: %s\n", pick.reason.c_str());
@@ -120,6 +120,11 @@ void printPick(const Scene& scene, const Found<Pick>& pick,
   std::printf("  score %.2f, seen %.0f %%, fitness %.1f mm\n", object->score, object->visible * 100,
               object->fitness * 1000);
   printPose(object->name.c_str(), object->T_camera_object);
+  for (const auto& placed : grasps) {
+    printPose(placed.grasp.name.c_str(), placed.T_camera_gripper);
+    std::printf("  %-9s %s\n", "",
+                placed.reason.empty() ? "can be used" : ("left out: " + placed.reason).c_str());
+  }
 }
 
 void printTimeTable(const std::map<std::string, double>& times_ms, std::FILE* to) {

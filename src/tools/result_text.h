@@ -24,7 +24,7 @@ void printRecognition(const Scene& scene, const Recognition& recognition,
 
 /// The thing that was pointed at, or why there is none.
 void printPick(const Scene& scene, const Found<Pick>& pick,
-               const std::optional<SceneObject>& object);
+               const std::optional<SceneObject>& object, const std::vector<PlacedGrasp>& grasps);
 
 /// A row per stage, in their order, and the total [ms].
 void printTimeTable(const std::map<std::string, double>& times_ms, std::FILE* to);

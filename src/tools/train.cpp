@@ -168,6 +168,17 @@ ObjectModel trainAsTold(const TrainArguments& arguments) {
       files.size() == 1 ? "cloud " + fileName(files[0]) : std::to_string(files.size()) + " clouds");
 }
 
+/// What stays of an object that is trained anew: its grasps belong to the thing, not to its views.
+std::vector<StoredGrasp> graspsOf(const std::string& name, const ObjectDatabase& database) {
+  const auto names = database.names();
+  if (std::find(names.begin(), names.end(), name) == names.end()) return {};
+  auto grasps = database.load(name).grasps;
+  if (!grasps.empty())
+    std::fprintf(stderr, "%s keeps its %zu stored grasp%s\n", name.c_str(), grasps.size(),
+                 grasps.size() == 1 ? "" : "s");
+  return grasps;
+}
+
 void train(const TrainArguments& arguments) {
   const auto start = std::chrono::steady_clock::now();
   // What would fail at the end is refused at once.
@@ -182,7 +193,9 @@ void train(const TrainArguments& arguments) {
 
   auto model = trainAsTold(arguments);
   if (!symmetry.empty()) model.symmetry = declaredSymmetry(symmetry, middleOf(model.surface));
-  ObjectDatabase(arguments.database, ObjectDatabase::Mode::WRITE).store(model);
+  ObjectDatabase database(arguments.database, ObjectDatabase::Mode::WRITE);
+  model.grasps = graspsOf(model.name, database);
+  database.store(model);
 
   const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - start;
   std::printf("%s: %zu view%s, diameter %.0f mm, symmetry %s, %.1f s\n", model.name.c_str(),

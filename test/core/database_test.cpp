@@ -1,5 +1,6 @@
 #include "tabletop_perception/database.h"
 
+#include <cmath>
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
@@ -76,6 +77,15 @@ ObjectModel randomModel(const std::string& name, unsigned seed, std::size_t poin
     }
     model.views.push_back(view);
   }
+  for (const char* grasp : {"side", "top"}) {
+    StoredGrasp stored;
+    stored.name = grasp;
+    stored.T_object_gripper = Eigen::Translation3d(value(random), value(random), value(random)) *
+                              Eigen::AngleAxisd(value(random), Eigen::Vector3d::UnitZ());
+    stored.width = value(random);
+    stored.preference = -value(random);
+    model.grasps.push_back(stored);
+  }
   return model;
 }
 
@@ -102,6 +112,11 @@ bool same(DescriptorOptions a, DescriptorOptions b) {
   return of_a == of_b;
 }
 
+bool same(const StoredGrasp& a, const StoredGrasp& b) {
+  return a.name == b.name && a.T_object_gripper.matrix() == b.T_object_gripper.matrix() &&
+         a.width == b.width && a.preference == b.preference;
+}
+
 /// Whether every number is the same, to the last bit.
 bool same(const ObjectModel& a, const ObjectModel& b) {
   bool equal = a.name == b.name && a.origin == b.origin && same(a.surface, b.surface) &&
@@ -109,7 +124,8 @@ bool same(const ObjectModel& a, const ObjectModel& b) {
                a.symmetry.center == b.symmetry.center && a.symmetry.axis == b.symmetry.axis &&
                a.symmetry.rotations == b.symmetry.rotations &&
                a.symmetry.declared == b.symmetry.declared && same(a.options, b.options) &&
-               a.views.size() == b.views.size();
+               a.views.size() == b.views.size() && a.grasps.size() == b.grasps.size();
+  for (std::size_t i = 0; equal && i < a.grasps.size(); ++i) equal = same(a.grasps[i], b.grasps[i]);
   for (std::size_t i = 0; equal && i < a.views.size(); ++i) equal = same(a.views[i], b.views[i]);
   return equal;
 }
@@ -368,10 +384,69 @@ TEST_F(Database, RefusesAnotherSchemaVersion) {
   ObjectDatabase(file_, Mode::WRITE).store(randomModel("milk", 1));
   sql("PRAGMA user_version = 7");
   const std::string refusal =
-      "has schema version 7, this program reads 2: train its objects anew, or use the program that "
+      "has schema version 7, this program reads 2 to 3: train its objects anew, or use the program "
+      "that "
       "wrote it";
   EXPECT_EQ(refusalOf(Mode::READ), refusal);
   EXPECT_EQ(refusalOf(Mode::WRITE), refusal);
+}
+
+TEST_F(Database, OpensAFileOfVersion2AndLosesNothingOfIt) {
+  auto milk = randomModel("milk", 1), tea = randomModel("tea", 2);
+  milk.grasps.clear();
+  tea.grasps.clear();
+  ObjectDatabase(file_, Mode::WRITE).store({milk, tea});
+  sql("DROP TABLE grasp; PRAGMA user_version = 2");  // what version 3 brought
+  const auto old = readBytes(file_);
+  const auto expectBoth = [&](const ObjectDatabase& database) {
+    const auto models = database.loadAll();
+    ASSERT_EQ(models.size(), 2u);
+    EXPECT_TRUE(same(models[0], milk));
+    EXPECT_TRUE(same(models[1], tea));
+  };
+
+  expectBoth(ObjectDatabase(file_, Mode::READ));
+  EXPECT_EQ(readBytes(file_), old);  // readers never change it
+
+  const ObjectDatabase early_reader(file_, Mode::READ);
+  ObjectDatabase writer(file_, Mode::WRITE);
+  expectBoth(writer);
+  expectBoth(early_reader);
+  const auto grasp = randomModel("any", 3).grasps[0];
+  writer.storeGrasp("tea", grasp);
+  const auto loaded = early_reader.load("tea").grasps;
+  ASSERT_EQ(loaded.size(), 1u);
+  EXPECT_TRUE(same(loaded[0], grasp));
+}
+
+TEST_F(Database, AGraspIsAddedReplacedAndRemovedByName) {
+  auto milk = randomModel("milk", 1);
+  ObjectDatabase database(file_, Mode::WRITE);
+  database.store({milk, randomModel("tea", 2)});
+  const auto before = database.version();
+  milk.grasps[1].width = 0.07;
+  database.storeGrasp("milk", milk.grasps[1]);
+  EXPECT_TRUE(same(database.load("milk"), milk));
+  EXPECT_GT(database.version(), before);
+  EXPECT_TRUE(database.removeGrasp("milk", "top"));
+  EXPECT_FALSE(database.removeGrasp("milk", "top"));
+  milk.grasps.pop_back();
+  EXPECT_TRUE(same(database.load("milk"), milk));
+  EXPECT_TRUE(same(database.load("tea"), randomModel("tea", 2)));
+
+  EXPECT_THROW(database.storeGrasp("house", milk.grasps[0]), DatabaseError);
+  EXPECT_THROW(database.removeGrasp("house", "top"), DatabaseError);
+  const auto refused = [&](const auto& change) {
+    StoredGrasp grasp = milk.grasps[0];
+    change(grasp);
+    EXPECT_THROW(database.storeGrasp("milk", grasp), std::invalid_argument);
+  };
+  refused([](StoredGrasp& grasp) { grasp.name = "a b"; });
+  refused([](StoredGrasp& grasp) { grasp.width = 0; });
+  refused([](StoredGrasp& grasp) { grasp.width = std::nan(""); });
+  refused([](StoredGrasp& grasp) { grasp.T_object_gripper.linear() *= 2; });
+  refused([](StoredGrasp& grasp) { grasp.T_object_gripper.translation().x() = INFINITY; });
+  EXPECT_TRUE(same(database.load("milk"), milk));
 }
 
 TEST_F(Database, RefusesAFileCutShortAtAnyLength) {

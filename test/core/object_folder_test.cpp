@@ -69,9 +69,22 @@ class ObjectFolder : public testing::Test {
 }  // namespace
 
 TEST_F(ObjectFolder, GivesBackTheObjectUpToRounding) {
-  const auto model = trainedModel();
+  auto model = trainedModel();
+  StoredGrasp grasp;
+  grasp.name = "top";
+  grasp.T_object_gripper = Eigen::Translation3d(0.01, -0.02, 0.03) *
+                           Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized());
+  grasp.width = 0.06;
+  grasp.preference = 2.5;
+  model.grasps = {grasp};
   exportObject(folder_, model);
   const auto back = importObject(folder_);
+
+  ASSERT_EQ(back.grasps.size(), 1u);
+  EXPECT_EQ(back.grasps[0].name, "top");
+  EXPECT_TRUE(back.grasps[0].T_object_gripper.isApprox(grasp.T_object_gripper, 1e-12));
+  EXPECT_EQ(back.grasps[0].width, 0.06);
+  EXPECT_EQ(back.grasps[0].preference, 2.5);
 
   EXPECT_EQ(back.name, model.name);
   EXPECT_EQ(back.origin, model.origin);
@@ -102,6 +115,12 @@ TEST_F(ObjectFolder, GivesBackTheObjectUpToRounding) {
       EXPECT_LT((view.descriptors[d].centroid - original.descriptors[d].centroid).norm(), 1e-4);
     }
   }
+}
+
+TEST_F(ObjectFolder, WithoutGraspsAsOlderOnesAreIsRead) {
+  exportObject(folder_, trainedModel());
+  replaceInYaml("grasps:\n  []\n", "");
+  EXPECT_TRUE(importObject(folder_).grasps.empty());
 }
 
 TEST_F(ObjectFolder, WritesViewsInTheObjectsFrameWithTheCamerasPose) {

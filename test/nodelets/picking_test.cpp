@@ -7,6 +7,7 @@
 
 #include <geometry_msgs/PointStamped.h>
 #include <tf2_msgs/TFMessage.h>
+#include <visualization_msgs/MarkerArray.h>
 
 #include "graph.h"
 
@@ -69,13 +70,16 @@ class Picking : public testing::Test {
     return scene_.T_camera_table * in_table;
   }
 
-  const scene::SyntheticScene scene_ =
+  scene::SyntheticScene scene_ =
       scene::render({{"box", scene::box(0.12, 0.06, 0.10), scene::standing(0, 0, 0.3)}});
   const Eigen::Vector3d top_ = inCamera({0, 0, 0.10});
   ros::NodeHandle nh_;
   Camera camera_{nh_};
   ros::Publisher clicks_, pixels_;
   ros::Subscriber picked_, tf_;
+  visualization_msgs::MarkerArrayConstPtr drawn_;
+  ros::Subscriber markers_ = nh_.subscribe<visualization_msgs::MarkerArray>(
+      "/perception/pick/markers", 5, [this](const auto& message) { drawn_ = message; });
   std::vector<PickedObject> answers_;
   std::vector<geometry_msgs::TransformStamped> frames_;
   ros::Time last_stamp_;
@@ -112,6 +116,35 @@ TEST_F(Picking, inTheAir) {
 TEST_F(Picking, onTheTable) {
   clicks_.publish(pointAt(inCamera({0, 0.25, 0})));
   expectRefusal("on the table");
+}
+
+TEST_F(Picking, onTheWall) {
+  scene_ = scene::render({{"box", scene::box(0.12, 0.06, 0.10), scene::standing(0, 0, 0)},
+                          {"wall", scene::box(0.02, 1.6, 0.8), scene::standing(0.7, 0, 0)}});
+  clicks_.publish(pointAt(inCamera({0.69, 0, 0.2})));
+  expectRefusal("on nothing that stands on a table");
+}
+
+TEST_F(Picking, aPixelWithoutDepthNearby) {
+  for (int v = 80; v < 120; ++v)
+    for (int u = 80; u < 120; ++u) scene_.cloud.drop(v * scene_.cloud.width + u);
+  pixels_.publish(pointAt({100, 100, 0}));
+  expectRefusal("no depth within 11 x 11 pixels about (100, 100)");
+}
+
+TEST_F(Picking, aRefusalAfterAPickSendsNoFrameAndTakesTheMarkersAway) {
+  clicks_.publish(pointAt(top_));
+  ASSERT_TRUE(answered(1));
+  ASSERT_TRUE(answers_[0].success) << answers_[0].reason;
+  ASSERT_TRUE(spinUntil([&] { return frames_.size() == 2 && drawn_; }, 5));
+  EXPECT_GT(drawn_->markers.size(), 1u);
+  frames_.clear();
+  clicks_.publish(pointAt(inCamera({0, 0, 0.3})));
+  ASSERT_TRUE(answered(2));
+  ASSERT_TRUE(spinUntil([&] { return drawn_->markers.size() == 1; }, 5));
+  EXPECT_EQ(drawn_->markers[0].action, visualization_msgs::Marker::DELETEALL);
+  EXPECT_FALSE(answers_[1].success);
+  EXPECT_TRUE(frames_.empty());
 }
 
 TEST_F(Picking, outsideTheImage) {

@@ -111,6 +111,48 @@ TEST_F(Objects, AreRemovedByName) {
   EXPECT_FALSE(fs::exists(missing));
 }
 
+TEST_F(Objects, GraspsAreAddedListedAndRemoved) {
+  const auto at = " --database " + file_;
+  objects("--add-grasp bottle top --position 0 0 0.12 --rpy-deg 180 0 90 --width 0.07" + at);
+  objects(
+      "--add-grasp bottle side --position -0.05 0 0.06 --orientation 0 0.7071068 0 0.7071068 "
+      "--width 0.09 --preference 2" +
+      at);
+  const auto lines = linesOf(objects("--grasps" + at));
+  ASSERT_EQ(lines.size(), 3u);
+  EXPECT_EQ(lines[1].find("bottle  side   -50 0 60"), 0u) << lines[1];
+  const auto bottle = json::parse(linesOf(objects("--json" + at))[0]);
+  ASSERT_EQ(bottle["grasps"].size(), 2u);
+  const auto top = bottle["grasps"][1];
+  EXPECT_EQ(top["name"], "top");
+  EXPECT_EQ(top["width"], 0.07);
+  EXPECT_EQ(top["preference"], 0);
+  const auto q = top["pose"]["orientation"];
+  const Eigen::Matrix3d rotation = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).toRotationMatrix();
+  EXPECT_TRUE(rotation.col(2).isApprox(-Eigen::Vector3d::UnitZ(), 1e-9));  // it comes from above
+  EXPECT_TRUE(rotation.col(0).isApprox(Eigen::Vector3d::UnitY(), 1e-9));   // then turned by 90 deg
+
+  objects("--remove-grasp bottle top" + at);
+  EXPECT_EQ(linesOf(objects("--grasps" + at)).size(), 2u);
+  EXPECT_EQ(complaint("--remove-grasp bottle top" + at), "'bottle' has no grasp 'top'");
+  EXPECT_EQ(complaint("--remove-grasp tea top" + at), file_ + ": holds no object 'tea'");
+}
+
+TEST_F(Objects, AGraspThatIsNotWholeIsRefused) {
+  const auto refusal = [&](const std::string& words) {
+    return complaint("--add-grasp bottle top " + words + " --database " + file_);
+  };
+  EXPECT_NE(refusal("--position 0 0 0").find("--width"), std::string::npos);
+  EXPECT_NE(refusal("--width 0.1").find("--position"), std::string::npos);
+  EXPECT_NE(refusal("--position 0 0 nan --width 0.1").find("not finite"), std::string::npos);
+  EXPECT_NE(refusal("--position 0 0 0 --width -1").find("width -1"), std::string::npos);
+  EXPECT_NE(refusal("--position 0 0 0 --width 0.1 --orientation 1 1 0 0").find("unit quaternion"),
+            std::string::npos);
+  EXPECT_NE(refusal("--position 0 0 0 --width 0.1 --orientation 1 0 0 0 --rpy-deg 0 0 0"),
+            "was not refused");
+  EXPECT_EQ(objects("--grasps --database " + file_), "");
+}
+
 TEST_F(Objects, GoOutAsFoldersAndComeBackIntoAnotherDatabase) {
   const auto out = folder_.file("out"), other = folder_.file("other.db");
   objects("--export " + out + " --database " + file_);
