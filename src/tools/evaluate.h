@@ -40,6 +40,10 @@ void evaluatePoses(const PoseEvaluation& evaluation);
 /// and gt.json.
 void evaluatePicks(const std::filesystem::path& truth, const PipelineOptions& options, bool json);
 
+/// Prints how poses of things that stand still move over frames. `results`: a folder of
+/// SCENE_FRAME.json as `recognize --output` writes them.
+void evaluateJitter(const std::filesystem::path& results, bool json);
+
 /// Throws unless it is a folder. `option`: the name that it was given under.
 void checkFolder(const std::filesystem::path& folder, const std::string& option);
 

@@ -10,8 +10,8 @@
 #include "evaluate.h"
 #include "evaluate_poses.h"
 #include "fit_score.h"
+#include "pose_files.h"
 #include "report_poses.h"
-#include "result_json.h"
 #include "scene_source.h"
 #include "tabletop_perception/bop_metrics.h"
 #include "tabletop_perception/geometry.h"
@@ -24,47 +24,6 @@ using nlohmann::ordered_json;
 
 namespace {
 
-constexpr double ROTATION_TOLERANCE = 1e-3;  // of R R^T against the identity
-
-/// [[r, r, r, t], [r, r, r, t], [r, r, r, t]]
-Eigen::Isometry3d poseFromRows(const json& rows) {
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  for (int r = 0; r < 3; ++r)
-    for (int c = 0; c < 4; ++c) pose(r, c) = rows.at(r).at(c).get<double>();
-  const Eigen::Matrix3d product = pose.linear() * pose.linear().transpose();
-  if (!product.isIdentity(ROTATION_TOLERANCE) || pose.linear().determinant() < 0)
-    throw std::invalid_argument("model_to_camera_3x4 must begin with a rotation, got " +
-                                rows.dump());
-  return pose;
-}
-
-/// {"position": [x, y, z], "orientation": [x, y, z, w]}
-Eigen::Isometry3d poseFromParts(const json& parts) {
-  const auto& position = parts.at("position");
-  const auto& orientation = parts.at("orientation");
-  Eigen::Quaterniond rotation;
-  for (int i = 0; i < 4; ++i) rotation.coeffs()[i] = orientation.at(i).get<double>();
-  if (std::abs(rotation.norm() - 1) > ROTATION_TOLERANCE)
-    throw std::invalid_argument("orientation must be a unit quaternion, got " + orientation.dump());
-  Eigen::Isometry3d pose(rotation.normalized());
-  for (int i = 0; i < 3; ++i) pose.translation()[i] = position.at(i).get<double>();
-  return pose;
-}
-
-/// Visits the `objects` of a file but for those named "unknown".
-void visitObjects(const json& content, const fs::path& file,
-                  const std::function<void(const std::string& name, const json& object)>& visit) {
-  for (const auto& object : content.at("objects")) {
-    const auto name = object.at("name").get<std::string>();
-    if (name == "unknown") continue;
-    try {
-      visit(name, object);
-    } catch (const std::invalid_argument& error) {
-      throw std::invalid_argument(file.string() + ": " + name + ": " + error.what());
-    }
-  }
-}
-
 /// A scene with its truth; objects of the names in `unknown` are kept apart.
 PosedScene readTruth(const fs::path& folder, const std::set<std::string>& unknown) {
   PosedScene scene;
@@ -73,9 +32,10 @@ PosedScene readTruth(const fs::path& folder, const std::set<std::string>& unknow
   const fs::path file = folder / "gt.json";
   visitJson(file, [&](const json& content) {
     visitObjects(content, file, [&](const std::string& name, const json& object) {
-      TrueObject one{{name, poseFromRows(object.at("model_to_camera_3x4"))}, std::nullopt};
+      TrueObject one{{name, poseFromRows(object.at("model_to_camera_3x4"))}, std::nullopt, false};
       if (const auto share = object.find("visible_share"); share != object.end())
         one.visible = share->get<double>();
+      one.moving = object.value("moving", false);
       (unknown.count(name) > 0 ? scene.unknown : scene.truth).push_back(one);
     });
   });
@@ -83,18 +43,8 @@ PosedScene readTruth(const fs::path& folder, const std::set<std::string>& unknow
 }
 
 void readResult(const fs::path& file, PosedScene& scene) {
+  scene.results = readResults(file);
   visitJson(file, [&](const json& content) {
-    visitObjects(content, file, [&](const std::string& name, const json& object) {
-      NamedResult one{{name, poseFromParts(object.at("pose"))}, {}, std::nullopt, std::nullopt};
-      if (const auto score = object.find("score"); score != object.end())
-        one.score = score->get<double>();
-      if (const auto evidence = object.find("evidence"); evidence != object.end())
-        one.evidence = evidenceFrom(*evidence);
-      const auto box = object.find("box");
-      one.middle = box == object.end() ? one.T_camera_object.translation()
-                                       : poseFromParts(box->at("pose")).translation();
-      scene.results.push_back(one);
-    });
     if (const auto times = content.find("times_ms"); times != content.end())
       scene.time_ms = times->at("total").get<double>();
   });
@@ -220,10 +170,12 @@ void judgeByAddS(const std::vector<std::string>& names, PosedScene& scene) {
         std::find(names.begin(), names.end(), scene.name + "/" + outcome.name) != names.end();
 }
 
-/// Takes out the objects of which less is visible, and the results that are right about them.
+/// Takes out the objects that move or of which less is visible, and the results that are right
+/// about them.
 void leaveOutHidden(PosedScene& scene, double min_visible) {
   const auto hidden = [&](std::size_t object) {
-    return scene.truth[object].visible.value_or(1) < min_visible;
+    const TrueObject& one = scene.truth[object];
+    return one.moving || one.visible.value_or(1) < min_visible;
   };
   PosedScene kept;
   std::vector<std::optional<std::size_t>> place(scene.truth.size());
@@ -321,7 +273,9 @@ ordered_json summaryJson(const PoseSummary& summary) {
           {"add_s_auc", orNull(summary.add_s_auc)},
           {"named_recall", orNull(summary.namedShare())},
           {"precision", orNull(summary.precision())},
-          {"median_translation", orNull(summary.median_translation)}};
+          {"median_translation", orNull(summary.median_translation)},
+          {"median_add_s", orNull(summary.median_add_s)},
+          {"median_rotation", orNull(summary.median_rotation)}};
 }
 
 ordered_json outcomeJson(const PoseOutcome& outcome, std::optional<double> visible) {

@@ -20,6 +20,7 @@ namespace tabletop_perception::tools {
 /// An object of the truth.
 struct TrueObject : PosedObject {
   std::optional<double> visible;  ///< share of it that the camera sees, where the truth says it
+  bool moving = false;            ///< it need not be found
 };
 
 /// What a result gives a name.
