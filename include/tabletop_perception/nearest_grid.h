@@ -26,7 +26,8 @@ class NearestGrid {
  public:
   NearestGrid() = default;
 
-  /// Covers everything within `margin` of the surface in cubes of `cell` [m].
+  /// Covers everything within `margin` of the surface in cubes of `cell` [m], of larger ones where
+  /// these would be more than four million.
   /// Throws std::invalid_argument for an empty surface.
   NearestGrid(const Surface& surface, double cell, double margin);
 

@@ -39,6 +39,7 @@ struct PoseError {
   double add_s = 0;
   /// Distance of the object frame's origins, the truth moved by the symmetry that gave `mssd`.
   double translation = 0;
+  std::optional<double> rotation;  ///< between the frames, of an object without symmetry [rad]
 };
 
 PoseError measurePose(const ReferenceModel& model, const Eigen::Isometry3d& T_camera_truth,
@@ -87,6 +88,8 @@ struct PoseSummary {
   /// without objects.
   std::optional<double> add_s_auc;
   std::optional<double> median_translation;  ///< of the right ones, if there are any [m]
+  std::optional<double> median_add_s;        ///< likewise [m]
+  std::optional<double> median_rotation;     ///< likewise, of those without symmetry [rad]
 
   /// right, close and named / objects; none without objects.
   std::optional<double> rightShare() const;

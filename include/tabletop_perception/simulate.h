@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -39,6 +40,7 @@ struct SimulatedObject {
   std::uint16_t label = 0;         ///< of its pixels
   std::size_t visible_pixels = 0;  ///< that show it
   double visible = 0;              ///< share of the pixels that would show it if it were alone
+  bool moving = false;             ///< in somebody's hand
 };
 
 /// A scene on a table with its truth, in the camera's frame (x right, y down, z forward) [m].
@@ -59,5 +61,19 @@ struct SimulatedScene {
 /// number of those that do.
 SimulatedScene simulateScene(const TableObjects& objects, const SimulationOptions& options,
                              Random& random);
+
+/// What is done with a frame of a sequence: its number from 0, and what is seen.
+using FrameVisitor = std::function<void(int frame, SimulatedScene scene)>;
+
+/// Frames of one scene, as above, in which nothing changes but the sensor's noise.
+void simulateStill(const TableObjects& objects, const SimulationOptions& options, int frames,
+                   Random& random, const FrameVisitor& visit);
+
+/// Frames of one scene in which things happen: the first two objects stand there, the others are
+/// put down one after the other, the first is lifted to another place where there is room for one,
+/// a forearm passes between camera and table, and the last of at least three is taken away, at
+/// a pace that the number of frames sets. The camera stays.
+void simulateSequence(const TableObjects& objects, const SimulationOptions& options, int frames,
+                      Random& random, const FrameVisitor& visit);
 
 }  // namespace tabletop_perception

@@ -36,4 +36,9 @@ std::vector<Eigen::Isometry3d> symmetryMotions(const Symmetry& symmetry, int ste
 bool samePose(const Symmetry& symmetry, const Eigen::Isometry3d& T_camera_a,
               const Eigen::Isometry3d& T_camera_b, double shift, double turn);
 
+/// Of all poses at which an object looks as it does at this one the one whose axes are turned least
+/// from a reference's: frame after frame says the same then.
+Eigen::Isometry3d canonicalPose(const Symmetry& symmetry, const Eigen::Isometry3d& T_camera_object,
+                                const Eigen::Matrix3d& R_camera_reference);
+
 }  // namespace tabletop_perception

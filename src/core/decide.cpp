@@ -223,15 +223,16 @@ class Decision {
         if (reason.empty()) reason = alignment.reason;
         continue;
       }
-      Hypothesis hypothesis{
-          model,
-          alignment->T_camera_object,
-          verifyPose(index_, model, alignment->T_camera_object, parts, observation, verify_),
-          Marks(standing_.parts),
-          0,
-          0,
-          1,
-          {}};
+      const Eigen::Isometry3d T_camera_object =
+          canonicalPose(index_.models()[model].symmetry, alignment->T_camera_object, reference());
+      Hypothesis hypothesis{model,
+                            T_camera_object,
+                            verifyPose(index_, model, T_camera_object, parts, observation, verify_),
+                            Marks(standing_.parts),
+                            0,
+                            0,
+                            1,
+                            {}};
       if (hypothesis.verification.score > best_score) {
         best_score = hypothesis.verification.score;
         reason = hypothesis.stands() ? "" : candidate.name + ": " + hypothesis.verification.reason;
@@ -449,6 +450,12 @@ class Decision {
       if (nearest >= 0 && (surface.points[nearest] - p).norm() <= limit)
         points.push_back(scene_.point(i));
     }
+  }
+
+  /// What symmetric objects are turned towards: the main table's axes, else the camera's.
+  Eigen::Matrix3d reference() const {
+    return tables_.empty() ? Eigen::Matrix3d::Identity()
+                           : Eigen::Matrix3d(tables_.front().T_camera_table.linear());
   }
 
   std::optional<Table> mainTable() const {

@@ -12,6 +12,8 @@ namespace {
 
 constexpr int SIZE = PlanarBlock::SIZE;
 constexpr float MIN_NORMAL_DOT = 0.5f;  // of points that correspond, either way round
+constexpr double MAX_CELLS = 4 << 20;   // as a cube of 0.6 m in cells of 4 mm; larger things get
+constexpr double COARSER = 1.1;         // larger cells, step by step
 constexpr float NONE = std::numeric_limits<float>::infinity();
 
 /// Where the grid lies and how points come into its frame, for the kernel.
@@ -90,12 +92,11 @@ NearestGrid::NearestGrid(const Surface& surface, double cell, double margin) {
   }
   const auto wide = static_cast<float>(margin);
   origin_ = low.array() - wide;
+  const Eigen::Array3d extent = (high - origin_).cast<double>().array() + margin;
+  const auto cellsAt = [&](double side) { return (extent / side).ceil().max(1).eval(); };
+  while (cellsAt(cell).prod() > MAX_CELLS) cell *= COARSER;
   inverse_cell_ = static_cast<float>(1.0 / cell);
-  size_ = ((high - origin_).array() + wide)
-              .cwiseProduct(Eigen::Array3f::Constant(inverse_cell_))
-              .ceil()
-              .cast<int>()
-              .max(1);
+  size_ = cellsAt(cell).cast<int>();
 
   const KdTree tree(surface.points);
   const std::size_t count = static_cast<std::size_t>(size_.x()) * size_.y() * size_.z();

@@ -6,6 +6,7 @@
 #include <regex>
 #include <stdexcept>
 
+#include "tabletop_perception/geometry.h"
 #include "tabletop_perception/symmetry.h"
 
 namespace tabletop_perception {
@@ -115,6 +116,8 @@ PoseError measurePose(const ReferenceModel& model, const Eigen::Isometry3d& T_ca
     error.mssd = displacement;
     error.translation = (T_camera_same.translation() - T_camera_estimate.translation()).norm();
   }
+  if (model.symmetries.size() == 1)
+    error.rotation = angleOf(T_camera_truth.linear().transpose() * T_camera_estimate.linear());
   error.add_s = meanNearestDistance(model.vertices, T_camera_estimate.inverse() * T_camera_truth);
   return error;
 }
@@ -160,7 +163,7 @@ std::optional<double> PoseSummary::precision() const { return share(right, resul
 
 PoseSummary summarize(const std::vector<PoseScore>& scores) {
   PoseSummary summary;
-  std::vector<double> translations;
+  std::vector<double> translations, distances, rotations;
   double area = 0;
   for (const auto& score : scores) {
     for (const auto& [name, count] : score.results) summary.results += count;
@@ -171,11 +174,16 @@ PoseSummary summarize(const std::vector<PoseScore>& scores) {
       summary.right += outcome.right();
       summary.close += outcome.close();
       area += std::max(0.0, 1 - outcome.error->add_s / AUC_LIMIT);
-      if (outcome.right()) translations.push_back(outcome.error->translation);
+      if (!outcome.right()) continue;
+      translations.push_back(outcome.error->translation);
+      distances.push_back(outcome.error->add_s);
+      if (outcome.error->rotation) rotations.push_back(*outcome.error->rotation);
     }
   }
   if (summary.objects > 0) summary.add_s_auc = area / summary.objects;
   summary.median_translation = medianOf(translations);
+  summary.median_add_s = medianOf(distances);
+  summary.median_rotation = medianOf(rotations);
   return summary;
 }
 

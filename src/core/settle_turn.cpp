@@ -13,11 +13,10 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr std::size_t MAX_TURN_POINTS = 3000;   // that tell near symmetries apart
-constexpr std::size_t MAX_SOURCE_POINTS = 800;  // of them, that ICP moves
-constexpr double TURN_REACH = 0.015;            // of points about the model that count [m]
-constexpr double TURN_DISTANCE = 0.006;         // farther off a point says no more [m]
-constexpr double CONTACT_NOISE = 0.001;         // of the table's height under an object [m]
+constexpr std::size_t MAX_TURN_POINTS = 3000;  // that tell near symmetries apart
+constexpr double TURN_REACH = 0.015;           // of points about the model that count [m]
+constexpr double TURN_DISTANCE = 0.006;        // farther off a point says no more [m]
+constexpr double CONTACT_NOISE = 0.001;        // of the table's height under an object [m]
 constexpr double MAX_CONTACT_GAP =
     0.004;                            // farther above or below it an object is held otherwise [m]
 constexpr double COLOR_PATCHES = 30;  // of an object whose likeness in colour is independent, about
@@ -168,7 +167,7 @@ std::optional<SettledPose> settleTurn(const ModelIndex& index, int model,
       tables.empty() ? nullptr : &tables[tableUnder(tables, centroidOf(near.points))];
   RefineOptions fine = refine;
   fine.start_distance = fine.max_distance = TURN_DISTANCE;
-  const PlanarSurface source(thinned(near, MAX_SOURCE_POINTS));
+  const PlanarSurface source(near);
   const auto fit = [&](const Eigen::Isometry3d& start) {
     return fitOf(index.grid(model), index.models()[model].surface, start, near, source, table,
                  fine);

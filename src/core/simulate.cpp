@@ -2,229 +2,121 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
-#include <stdexcept>
-#include <utility>
+#include <optional>
+
+#include "scenery.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr int ROOM_ATTEMPTS = 3;          // to find room for all objects
-constexpr int CAMERA_ATTEMPTS = 30;       // to find a place for the camera
-constexpr double TABLE_THICKNESS = 0.03;  // [m]
-constexpr double FLOOR_SIDE = 6;          // [m]
-constexpr double MARGIN = 8;              // of the picture that objects keep clear of [pixels]
-constexpr double MIN_VISIBLE = 0.1;       // of each object, where the camera finds a place for it
-constexpr std::uint32_t TABLE_COLOR = 0xA88C6C;
-constexpr std::uint32_t FLOOR_COLOR = 0x5A5A60;
-constexpr std::uint32_t PLAIN_COLOR = 0xB8B8B8;  // of objects without colours
-constexpr float AMBIENT = 0.4f;                  // share of the light that comes from all around
+/// A stretch of a sequence; times go from 0 at its first frame to 1 at its last.
+struct Stretch {
+  double from, to;
 
-/// A box about the z axis from z = -height to 0, of one colour.
-Mesh slab(double x, double y, double height, std::uint32_t color) {
-  Mesh mesh;
-  for (int corner = 0; corner < 8; ++corner)
-    mesh.vertices.push_back(Eigen::Vector3d((corner & 1 ? 0.5 : -0.5) * x,
-                                            (corner & 2 ? 0.5 : -0.5) * y,
-                                            corner & 4 ? 0.0 : -height)
-                                .cast<float>());
-  mesh.faces = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
-                {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
-  mesh.colors.assign(mesh.vertices.size(), color);
-  return mesh;
-}
-
-/// Of the pixels of an object.
-std::uint16_t labelOf(std::size_t object) {
-  return static_cast<std::uint16_t>(SimulatedScene::TABLE + 1 + object);
-}
-
-/// Indices in a random order, each as often as another or once more.
-std::vector<std::size_t> chooseObjects(std::size_t available, std::size_t wanted, Random& random) {
-  std::vector<std::size_t> chosen, left;
-  while (chosen.size() < wanted) {
-    if (left.empty())
-      for (std::size_t i = 0; i < available; ++i) left.push_back(i);
-    const std::size_t pick = random.index(left.size());
-    chosen.push_back(left[pick]);
-    left.erase(left.begin() + static_cast<std::ptrdiff_t>(pick));
+  bool holds(double time) const { return time >= from && time < to; }
+  /// How much of it is over, 0 to 1, without jerks at its ends.
+  double progress(double time) const {
+    const double share = std::clamp((time - from) / (to - from), 0.0, 1.0);
+    return share * share * (3 - 2 * share);
   }
-  return chosen;
-}
+};
 
-std::vector<Placement> placeAll(const TableObjects& objects, const SimulationOptions& options,
-                                Random& random) {
-  std::size_t most = 0;
-  for (int attempt = 0; attempt < ROOM_ATTEMPTS; ++attempt) {
-    const auto chosen = chooseObjects(objects.size(), options.objects, random);
-    auto placed = placeObjects(objects, chosen, options.gap, options.radius, random);
-    if (placed.size() == chosen.size()) return placed;
-    most = std::max(most, placed.size());
-  }
-  std::ostringstream message;
-  message << "only " << most << " of " << options.objects
-          << " objects fit on the table with gaps of " << options.gap << " m";
-  throw std::invalid_argument(message.str());
-}
+constexpr Stretch ARRIVALS{0.05, 0.35};  // all but the first and second thing are put down
+constexpr Stretch MOVE{0.4, 0.55};       // the first thing comes to another place
+constexpr Stretch HAND{0.6, 0.8};        // a forearm passes over the table
+constexpr Stretch LEAVE{0.85, 0.95};     // the last of at least three things is taken away
+constexpr double LIFT = 0.3;             // of what comes or leaves [m]
+constexpr double MOVE_LIFT = 0.15;       // of what is moved [m]
+constexpr double HAND_HEIGHT = 0.35;     // of the forearm's top above the table [m]
+constexpr double HAND_REACH = 0.6;       // to both sides, from where to where it passes [m]
 
-/// The table's frame as seen by a camera that looks at its origin.
-Eigen::Isometry3d cameraPose(double distance, double pitch, double azimuth) {
-  const Eigen::Vector3d forward(std::cos(pitch) * std::cos(azimuth),
-                                std::cos(pitch) * std::sin(azimuth), -std::sin(pitch));
-  const Eigen::Vector3d right(std::sin(azimuth), -std::cos(azimuth), 0);
-  Eigen::Isometry3d T_table_camera = Eigen::Isometry3d::Identity();
-  T_table_camera.linear() << right, forward.cross(right), forward;
-  T_table_camera.translation() = -distance * forward;
-  return T_table_camera.inverse();
-}
-
-bool inPicture(const TableObject& object, const Eigen::Isometry3d& T_camera_object,
-               const Projection& projection) {
-  return std::all_of(object.points.begin(), object.points.end(), [&](const Eigen::Vector3f& point) {
-    const Eigen::Vector3d p = T_camera_object * point.cast<double>();
-    if (p.z() <= 0) return false;
-    const Eigen::Vector2d pixel = projection.pixel(p);
-    return pixel.x() >= MARGIN && pixel.x() < projection.width - MARGIN && pixel.y() >= MARGIN &&
-           pixel.y() < projection.height - MARGIN;
-  });
-}
-
-/// What stands in a scene: meshes with their poses and labels.
-class Stage {
+/// What happens to the things on a table.
+class Choreography {
  public:
-  explicit Stage(const Projection& projection) : projection_(projection) {}
+  explicit Choreography(const Scenery& scenery) : scenery_(scenery) {}
 
-  void add(const MeshRenderer& renderer, const Eigen::Isometry3d& T_table_mesh,
-           std::uint16_t label) {
-    parts_.push_back({&renderer, T_table_mesh, label});
+  std::vector<Scenery::Thing> thingsAt(double time) const {
+    std::vector<Scenery::Thing> things;
+    for (std::size_t i = 0; i < scenery_.placed().size(); ++i)
+      if (const auto thing = thingAt(i, time)) things.push_back(*thing);
+    return things;
   }
 
-  struct Picture {
-    Cloud cloud;
-    std::vector<std::uint16_t> labels;
-    std::vector<std::size_t> alone;    ///< pixels that would show each part by itself
-    std::vector<std::size_t> visible;  ///< pixels with each part's label
-  };
-
-  Picture seenFrom(const Eigen::Isometry3d& T_camera_table) const {
-    Picture picture{Cloud(projection_.width, projection_.height, true), {}, {}, {}};
-    picture.labels.assign(picture.cloud.size(), 0);
-    for (const auto& part : parts_) {
-      const Cloud layer = part.renderer->render(T_camera_table * part.T_table_mesh, projection_);
-      const Indices seen = validIndices(layer);
-      picture.alone.push_back(seen.size());
-      for (const int i : seen) {
-        if (picture.cloud.z[i] <= layer.z[i]) continue;
-        picture.cloud.setPoint(i, layer.point(i));
-        picture.cloud.rgb[i] = layer.colored() ? layer.rgb[i] : PLAIN_COLOR;
-        picture.labels[i] = part.label;
-      }
-    }
-    for (const auto& part : parts_)
-      picture.visible.push_back(static_cast<std::size_t>(
-          std::count(picture.labels.begin(), picture.labels.end(), part.label)));
-    return picture;
+  std::optional<Eigen::Isometry3d> handAt(double time) const {
+    if (!HAND.holds(time)) return std::nullopt;
+    const Eigen::Vector3d right = scenery_.rightOnTable();
+    Eigen::Isometry3d T_table_hand = Eigen::Isometry3d::Identity();
+    T_table_hand.linear().col(0) = right;
+    T_table_hand.linear().col(1) = Eigen::Vector3d::UnitZ().cross(right);
+    T_table_hand.translation() =
+        HAND_REACH * (2 * HAND.progress(time) - 1) * right + HAND_HEIGHT * Eigen::Vector3d::UnitZ();
+    return T_table_hand;
   }
 
  private:
-  struct Part {
-    const MeshRenderer* renderer;
-    Eigen::Isometry3d T_table_mesh;
-    std::uint16_t label;
-  };
-  Projection projection_;
-  std::vector<Part> parts_;
+  std::optional<Scenery::Thing> thingAt(std::size_t i, double time) const {
+    const std::size_t count = scenery_.placed().size();
+    Scenery::Thing thing{i, scenery_.placed()[i].T_table_object, false};
+    const auto lifted = [&](double height, bool moving) {
+      thing.T_table_object.pretranslate(Eigen::Vector3d(0, 0, height));
+      thing.moving = moving;
+      return thing;
+    };
+    if (i == 0 && scenery_.spare()) {
+      const double progress = MOVE.progress(time);
+      const auto& from = thing.T_table_object;
+      const auto& to = scenery_.spare()->T_table_object;
+      thing.T_table_object.translation() += progress * (to.translation() - from.translation());
+      return lifted(MOVE_LIFT * std::sin(M_PI * progress), MOVE.holds(time));
+    }
+    if (i > 1) {
+      const double each = (ARRIVALS.to - ARRIVALS.from) / static_cast<double>(count - 2);
+      const double begin = ARRIVALS.from + static_cast<double>(i - 2) * each;
+      const Stretch arrival{begin, begin + each};
+      if (time < arrival.from) return std::nullopt;
+      if (arrival.holds(time)) return lifted(LIFT * (1 - arrival.progress(time)), true);
+    }
+    if (i > 1 && i + 1 == count) {
+      if (time >= LEAVE.to) return std::nullopt;
+      if (LEAVE.holds(time)) return lifted(LIFT * LEAVE.progress(time), true);
+    }
+    return thing;
+  }
+
+  const Scenery& scenery_;
 };
 
-/// The share of each part that others do not hide.
-std::vector<double> visibleShares(const Stage::Picture& picture) {
-  std::vector<double> shares;
-  for (std::size_t part = 0; part < picture.alone.size(); ++part)
-    shares.push_back(picture.alone[part] == 0
-                         ? 0
-                         : static_cast<double>(picture.visible[part]) / picture.alone[part]);
-  return shares;
-}
-
-/// A random place of the camera from where all objects are in the picture and none is hidden
-/// almost; after many attempts the one where most is seen of the most hidden.
-Eigen::Isometry3d chooseCamera(const TableObjects& objects, const std::vector<Placement>& placed,
-                               const Stage& stage, const SimulationOptions& options,
-                               Random& random) {
-  double min_distance = options.min_distance;
-  Eigen::Isometry3d T_camera_table, best;
-  double most_visible = -1;
-  for (int attempt = 0; attempt < CAMERA_ATTEMPTS; ++attempt) {
-    const double distance = random.uniform(min_distance, options.max_distance);
-    const double pitch_deg = random.uniform(options.min_pitch_deg, options.max_pitch_deg);
-    T_camera_table = cameraPose(distance, pitch_deg * M_PI / 180, random.uniform(-M_PI, M_PI));
-    const bool all_in = std::all_of(placed.begin(), placed.end(), [&](const Placement& placement) {
-      return inPicture(*objects[placement.object], T_camera_table * placement.T_table_object,
-                       options.projection);
-    });
-    if (!all_in) min_distance = distance;  // farther, then
-    const auto shares = visibleShares(stage.seenFrom(T_camera_table));
-    const double visible = all_in ? *std::min_element(shares.begin(), shares.end()) : 0;
-    if (visible <= most_visible) continue;
-    most_visible = visible;
-    best = T_camera_table;
-    if (visible >= MIN_VISIBLE) break;
-  }
-  return best;
-}
-
-/// Darkens surfaces that are seen at an angle, as if the light came from beside the camera.
-void shade(Cloud& cloud) {
-  const auto cosines = incidence(cloud);
-  for (const int i : validIndices(cloud)) {
-    const float light = AMBIENT + (1 - AMBIENT) * cosines[i];
-    std::uint32_t shaded = 0;
-    for (const int shift : {16, 8, 0})
-      shaded |= static_cast<std::uint32_t>(
-                    std::lround(light * static_cast<float>(cloud.rgb[i] >> shift & 0xFF)))
-                << shift;
-    cloud.rgb[i] = shaded;
-  }
+std::vector<Scenery::Thing> allAtRest(const Scenery& scenery) {
+  std::vector<Scenery::Thing> things;
+  for (std::size_t i = 0; i < scenery.placed().size(); ++i)
+    things.push_back({i, scenery.placed()[i].T_table_object, false});
+  return things;
 }
 
 }  // namespace
 
 SimulatedScene simulateScene(const TableObjects& objects, const SimulationOptions& options,
                              Random& random) {
-  if (objects.empty()) throw std::invalid_argument("there is no object to put on the table");
-  const auto placed = placeAll(objects, options, random);
-  Stage stage(options.projection);
-  for (std::size_t i = 0; i < placed.size(); ++i)
-    stage.add(objects[placed[i].object]->renderer, placed[i].T_table_object, labelOf(i));
-  const auto T_camera_table = chooseCamera(objects, placed, stage, options, random);
+  const Scenery scenery(objects, options, false, random);
+  return scenery.sensed(scenery.look(allAtRest(scenery)), random);
+}
 
-  const MeshRenderer table(slab(options.table_x, options.table_y, TABLE_THICKNESS, TABLE_COLOR));
-  const MeshRenderer floor(slab(FLOOR_SIDE, FLOOR_SIDE, TABLE_THICKNESS, FLOOR_COLOR));
-  const Eigen::Isometry3d T_table_floor(Eigen::Translation3d(0, 0, -options.table_height));
-  stage.add(table, Eigen::Isometry3d::Identity(), SimulatedScene::TABLE);
-  stage.add(floor, T_table_floor, 0);
+void simulateStill(const TableObjects& objects, const SimulationOptions& options, int frames,
+                   Random& random, const FrameVisitor& visit) {
+  const Scenery scenery(objects, options, false, random);
+  const auto picture = scenery.look(allAtRest(scenery));
+  for (int frame = 0; frame < frames; ++frame) visit(frame, scenery.sensed(picture, random));
+}
 
-  auto picture = stage.seenFrom(T_camera_table);
-  const auto shares = visibleShares(picture);
-  const auto projected = stage.seenFrom(projectorPose(options.sensor) * T_camera_table);
-  shade(picture.cloud);
-
-  SimulatedScene scene;
-  scene.cloud =
-      senseDepth(picture.cloud, projected.cloud, options.projection, options.sensor, random);
-  scene.up = T_camera_table.linear().col(2);
-  scene.plane << scene.up, -scene.up.dot(T_camera_table.translation());
-  for (std::size_t i = 0; i < placed.size(); ++i) {
-    SimulatedObject object;
-    object.name = objects[placed[i].object]->name;
-    object.T_camera_object = T_camera_table * placed[i].T_table_object;
-    object.label = labelOf(i);
-    object.visible_pixels = picture.visible[i];
-    object.visible = shares[i];
-    scene.objects.push_back(std::move(object));
+void simulateSequence(const TableObjects& objects, const SimulationOptions& options, int frames,
+                      Random& random, const FrameVisitor& visit) {
+  const Scenery scenery(objects, options, true, random);
+  const Choreography choreography(scenery);
+  for (int frame = 0; frame < frames; ++frame) {
+    const double time = frames > 1 ? frame / (frames - 1.0) : 0;
+    const auto picture = scenery.look(choreography.thingsAt(time), choreography.handAt(time));
+    visit(frame, scenery.sensed(picture, random));
   }
-  scene.labels = std::move(picture.labels);
-  return scene;
 }
 
 }  // namespace tabletop_perception

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <stdexcept>
 
 #include <Eigen/Eigenvalues>
@@ -346,6 +347,31 @@ bool samePose(const Symmetry& symmetry, const Eigen::Isometry3d& T_camera_a,
                                    [&](const Eigen::Matrix3d& turned) {
                                      return isSmall(R * turned.transpose());
                                    });
+}
+
+Eigen::Isometry3d canonicalPose(const Symmetry& symmetry, const Eigen::Isometry3d& T_camera_object,
+                                const Eigen::Matrix3d& R_camera_reference) {
+  std::vector<Eigen::Matrix3d> turns{Eigen::Matrix3d::Identity()};
+  turns.insert(turns.end(), symmetry.rotations.begin(), symmetry.rotations.end());
+  const Eigen::Matrix3d R_reference_object =
+      R_camera_reference.transpose() * T_camera_object.linear();
+  Eigen::Matrix3d best = turns.front();
+  double most = -std::numeric_limits<double>::infinity();  // the trace falls as the angle grows
+  for (auto& turn : turns) {
+    if (symmetry.continuous()) {  // trace(R turn spin(angle)) = c + a cos(angle) + b sin(angle)
+      const Eigen::Matrix3d R = R_reference_object * turn;
+      const Eigen::Vector3d& axis = symmetry.axis;
+      const Eigen::Vector3d skew(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
+      const double a = R.trace() - axis.dot(R * axis), b = -axis.dot(skew);
+      turn = turn * Eigen::AngleAxisd(std::atan2(b, a), axis);
+    }
+    const double trace = (R_reference_object * turn).trace();
+    if (trace <= most) continue;
+    most = trace;
+    best = turn;
+  }
+  return T_camera_object * Eigen::Translation3d(symmetry.center) * Eigen::Isometry3d(best) *
+         Eigen::Translation3d(-symmetry.center);
 }
 
 }  // namespace tabletop_perception

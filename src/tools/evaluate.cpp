@@ -89,7 +89,7 @@ struct EvaluateArguments {
   std::string labels, poses, picks, models, database, results, report, config;
   std::vector<std::string> unknown, by_add_s;
   double min_visible = 0;
-  bool json = false, fit = false;
+  bool jitter = false, json = false, fit = false;
 };
 
 void evaluate(const EvaluateArguments& arguments) {
@@ -100,6 +100,7 @@ void evaluate(const EvaluateArguments& arguments) {
         {arguments.picks, arguments.models, arguments.database, options, arguments.json});
   }
   checkFolder(arguments.results, "--results");
+  if (arguments.jitter) return evaluateJitter(arguments.results, arguments.json);
   if (!arguments.labels.empty())
     evaluateLabels(arguments.labels, arguments.results, arguments.json, arguments.report);
   else
@@ -125,6 +126,9 @@ void addEvaluate(CLI::App& app) {
       "folder of NAME.pcd with labels as above, or of NAME/ with gt.json and label.png (rendered "
       "from --models where it is missing): every object of 1,000 points and more is picked at five "
       "pixels");
+  auto* jitter = truth->add_flag(
+      "--jitter", arguments->jitter,
+      "results are SCENE_FRAME.json of scenes in which nothing moves: how the poses do");
   truth->require_option(1);
   command
       ->add_option("--config", arguments->config,
@@ -171,13 +175,15 @@ void addEvaluate(CLI::App& app) {
   results->excludes(picks);
   labels->needs(results);
   poses->needs(results);
+  jitter->needs(results);
   command->add_flag("--json", arguments->json, "print one JSON object (shares 0 to 1, metres)");
   command
       ->add_option("--report", arguments->report,
                    "write an HTML page with pictures of every scene to DIR/index.html; labels: "
                    "results without truth are shown too")
       ->type_name("DIR")
-      ->excludes(picks);
+      ->excludes(picks)
+      ->excludes(jitter);
   command->footer(
       "Labels: F, precision and recall of the points that matched segments and objects share, as\n"
       "means over scenes; objects matched with an IoU of at least 0.75, over all scenes; IoU of\n"
@@ -189,6 +195,9 @@ void addEvaluate(CLI::App& app) {
       "Picks: right where the points taken have an IoU of at least 0.5 with the object or with\n"
       "the part of it that was pointed at; of those, z within 5 deg of the main surface's normal\n"
       "and x within 10 deg of its longer side.\n"
+      "Jitter: distances from each thing's mean position and mean rotation over the frames; a flip "
+      "is\n"
+      "a turn by over 30 deg from one sighting to the next.\n"
       "Exit code: 0 done, 2 bad usage or unreadable input.\n"
       "Example: tabletop evaluate --labels truth --results segmented");
   command->callback([arguments] { evaluate(*arguments); });

@@ -48,6 +48,10 @@ struct PickEvaluation {
 /// many frames lie right; with a database also how many are recognised at their innermost pixel.
 void evaluatePicks(const PickEvaluation& evaluation);
 
+/// Prints how poses of things that stand still move over frames. `results`: a folder of
+/// SCENE_FRAME.json as `recognize --output` writes them.
+void evaluateJitter(const std::filesystem::path& results, bool json);
+
 /// Throws unless it is a folder. `option`: the name that it was given under.
 void checkFolder(const std::filesystem::path& folder, const std::string& option);
 

@@ -10,8 +10,8 @@
 #include "evaluate.h"
 #include "evaluate_poses.h"
 #include "fit_score.h"
+#include "pose_files.h"
 #include "report_poses.h"
-#include "result_json.h"
 #include "scene_source.h"
 #include "tabletop_perception/bop_metrics.h"
 #include "tabletop_perception/geometry.h"
@@ -39,18 +39,8 @@ PosedScene readTruth(const fs::path& folder, const std::set<std::string>& unknow
 }
 
 void readResult(const fs::path& file, PosedScene& scene) {
+  scene.results = readResults(file);
   visitJson(file, [&](const json& content) {
-    visitObjects(content, file, [&](const std::string& name, const json& object) {
-      NamedResult one{{name, poseFromParts(object.at("pose"))}, {}, std::nullopt, std::nullopt};
-      if (const auto score = object.find("score"); score != object.end())
-        one.score = score->get<double>();
-      if (const auto evidence = object.find("evidence"); evidence != object.end())
-        one.evidence = evidenceFrom(*evidence);
-      const auto box = object.find("box");
-      one.middle = box == object.end() ? one.T_camera_object.translation()
-                                       : poseFromParts(box->at("pose")).translation();
-      scene.results.push_back(one);
-    });
     if (const auto times = content.find("times_ms"); times != content.end())
       scene.time_ms = times->at("total").get<double>();
   });
@@ -154,10 +144,12 @@ void judgeByAddS(const std::vector<std::string>& names, PosedScene& scene) {
         std::find(names.begin(), names.end(), scene.name + "/" + outcome.name) != names.end();
 }
 
-/// Takes out the objects of which less is visible, and the results that are right about them.
+/// Takes out the objects that move or of which less is visible, and the results that are right
+/// about them.
 void leaveOutHidden(PosedScene& scene, double min_visible) {
   const auto hidden = [&](std::size_t object) {
-    return scene.truth[object].visible.value_or(1) < min_visible;
+    const TrueObject& one = scene.truth[object];
+    return one.moving || one.visible.value_or(1) < min_visible;
   };
   PosedScene kept;
   std::vector<std::optional<std::size_t>> place(scene.truth.size());
@@ -255,7 +247,9 @@ ordered_json summaryJson(const PoseSummary& summary) {
           {"add_s_auc", orNull(summary.add_s_auc)},
           {"named_recall", orNull(summary.namedShare())},
           {"precision", orNull(summary.precision())},
-          {"median_translation", orNull(summary.median_translation)}};
+          {"median_translation", orNull(summary.median_translation)},
+          {"median_add_s", orNull(summary.median_add_s)},
+          {"median_rotation", orNull(summary.median_rotation)}};
 }
 
 ordered_json outcomeJson(const PoseOutcome& outcome, std::optional<double> visible) {

@@ -28,6 +28,8 @@ struct SimulateArguments {
   std::string models;               ///< folder of OBJECT/mesh.ply
   std::vector<std::string> meshes;  ///< NAME=FILE
   std::size_t scenes = 0;
+  int frames = 0;      ///< of each scene; 0: a picture alone
+  bool still = false;  ///< nothing happens from frame to frame
   SimulationOptions options;
   std::uint64_t seed = 0;
   std::string output;
@@ -140,6 +142,7 @@ ordered_json truthJson(const SimulatedScene& scene, const SimulateArguments& arg
                                {"label_value", object.label},
                                {"visible_pixels", object.visible_pixels},
                                {"visible_share", object.visible},
+                               {"moving", object.moving},
                                {"model_to_camera_3x4", poseRows(object.T_camera_object)}});
   return json;
 }
@@ -156,17 +159,33 @@ void writeScene(const fs::path& folder, const SimulatedScene& scene,
   if (!stream) throw std::runtime_error((folder / "gt.json").string() + ": cannot be written");
 }
 
+std::string numbered(std::size_t i) {
+  char name[32];
+  std::snprintf(name, sizeof name, "%06zu", i);
+  return name;
+}
+
 void simulate(const SimulateArguments& arguments) {
   const auto objects = readObjects(arguments);
   OutputFolder folder(arguments.output);
   ProgressBar progress("simulating");
   for (std::size_t i = 0; i < arguments.scenes; ++i) {
-    char name[32];
-    std::snprintf(name, sizeof name, "%06zu", i);
     Random random(arguments.seed, i);
-    const auto scene = simulateScene(objects, arguments.options, random);
-    writeScene(folder.fileFor(name, ""), scene, arguments);
-    progress.show((i + 1.0) / static_cast<double>(arguments.scenes));
+    const auto write = [&](const std::string& name, const SimulatedScene& scene, double share) {
+      writeScene(folder.fileFor(name, ""), scene, arguments);
+      progress.show((static_cast<double>(i) + share) / static_cast<double>(arguments.scenes));
+    };
+    if (arguments.frames == 0) {
+      write(numbered(i), simulateScene(objects, arguments.options, random), 1);
+      continue;
+    }
+    const auto visit = [&](int frame, const SimulatedScene& scene) {
+      write(numbered(i) + "_" + numbered(frame), scene, (frame + 1.0) / arguments.frames);
+    };
+    if (arguments.still)
+      simulateStill(objects, arguments.options, arguments.frames, random, visit);
+    else
+      simulateSequence(objects, arguments.options, arguments.frames, random, visit);
   }
 }
 
@@ -194,14 +213,32 @@ void addSimulate(CLI::App& app) {
                    "distance of each object to the nearest one before it [m]; 0: they touch")
       ->required()
       ->check(CLI::Range(0.0, 1.0));
+  command
+      ->add_option_function<double>(
+          "--distance",
+          [&options](double distance) { options.min_distance = options.max_distance = distance; },
+          "of the camera from the table's middle [m] (default: 0.6 to 1.2, at random)")
+      ->check(CLI::Range(0.3, 5.0))
+      ->type_name("M");
   command->add_option("--seed", arguments->seed, "the same seed gives the same files")->required();
   command->add_option("--output", arguments->output, "folder for the scenes, NNNNNN each")
       ->type_name("DIR")
       ->required();
+  auto* sequence =
+      command
+          ->add_option("--sequence", arguments->frames,
+                       "frames of each scene, in which things are put down, moved, hidden by a "
+                       "forearm and taken away")
+          ->check(CLI::Range(1, 1000000))
+          ->type_name("FRAMES");
+  command
+      ->add_flag("--still", arguments->still,
+                 "nothing happens in these frames, only the sensor's noise is new")
+      ->needs(sequence);
   command->footer(
       "Each scene is a folder with depth.png, color.png, label.png and gt.json, as recognize and\n"
       "evaluate --poses read it. Labels are 0 nothing or floor, 1 table, 2 and up the objects.\n"
-      "Scene i does not depend on --scenes.\n"
+      "Scene i does not depend on --scenes. Frames are SCENE_FRAME.\n"
       "Exit code: 0 done, 2 bad usage, unreadable input or too many objects for the table.\n"
       "Example: tabletop simulate --models models --scenes 20 --objects 5 --gap 0.02 --seed 1 "
       "--output truth");

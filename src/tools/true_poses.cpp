@@ -70,7 +70,8 @@ void visitObjects(const json& content, const fs::path& file,
 TrueObject trueObjectFrom(const json& object) {
   TrueObject one{
       {object.at("name").get<std::string>(), poseFromRows(object.at("model_to_camera_3x4"))},
-      std::nullopt};
+      std::nullopt,
+      object.value("moving", false)};
   if (const auto share = object.find("visible_share"); share != object.end())
     one.visible = share->get<double>();
   return one;

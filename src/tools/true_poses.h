@@ -19,6 +19,7 @@ namespace tabletop_perception::tools {
 /// An object of the truth.
 struct TrueObject : PosedObject {
   std::optional<double> visible;  ///< share of it that the camera sees, where the truth says it
+  bool moving = false;            ///< it need not be found
 };
 
 /// The objects of the truth, by name.

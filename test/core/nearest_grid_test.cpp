@@ -89,6 +89,18 @@ TEST(NearestGrid, ABlockCorrespondsPointByPoint) {
   EXPECT_GT(found, 5);
 }
 
+TEST(NearestGrid, AThingOfMetresGetsLargerCubes) {
+  Surface corners;
+  for (const float x : {0.0f, 20.0f})
+    for (const float y : {0.0f, 15.0f})
+      for (const float z : {0.0f, 10.0f}) corners.points.emplace_back(x, y, z);
+  corners.normals.assign(corners.points.size(), Eigen::Vector3f::UnitZ());
+  const NearestGrid grid(corners, CELL, MARGIN);
+  EXPECT_LT(grid.memory(), 10e6);
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    EXPECT_EQ(grid.nearest(corners.points[i]), static_cast<int>(i));
+}
+
 TEST(NearestGrid, WithoutPointsIsRefused) {
   EXPECT_EQ(clouds::refusalOf([] { NearestGrid({}, CELL, MARGIN); }),
             "nearest grid: the surface has no points");

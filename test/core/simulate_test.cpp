@@ -4,11 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <memory>
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "scene.h"
 #include "tabletop_perception/pipeline.h"
@@ -129,6 +132,91 @@ TEST_F(Simulated, EachObjectComesOnceBeforeAnyComesAgain) {
   std::set<std::string> names;
   for (const auto& object : scene(7).objects) names.insert(object.name);
   EXPECT_EQ(names.size(), 3u);
+}
+
+/// All frames of a sequence by their number.
+std::vector<SimulatedScene> framesOf(const std::function<void(const FrameVisitor&)>& simulate) {
+  std::vector<SimulatedScene> frames;
+  simulate([&](int frame, SimulatedScene scene) {
+    EXPECT_EQ(static_cast<std::size_t>(frame), frames.size());
+    frames.push_back(std::move(scene));
+  });
+  return frames;
+}
+
+TEST_F(Simulated, InAStillSequenceOnlyTheNoiseChanges) {
+  const auto frames = framesOf([&](const FrameVisitor& visit) {
+    Random random(4);
+    simulateStill(objects_, options_, 2, random, visit);
+  });
+  ASSERT_EQ(frames.size(), 2u);
+  EXPECT_EQ(frames[0].labels, frames[1].labels);
+  for (std::size_t k = 0; k < 3; ++k)
+    EXPECT_EQ(frames[0].objects[k].T_camera_object.matrix(),
+              frames[1].objects[k].T_camera_object.matrix());
+  int same = 0, valid = 0;
+  for (std::size_t i = 0; i < frames[0].cloud.size(); ++i) {
+    if (!frames[0].cloud.valid(i) || !frames[1].cloud.valid(i)) continue;
+    ++valid;
+    same += frames[0].cloud.z[i] == frames[1].cloud.z[i];
+  }
+  EXPECT_LT(same, valid / 2);  // not all: depths come in steps
+}
+
+class SimulatedSequence : public Simulated {
+ protected:
+  /// Frame k of 21 shows what is at 5 k percent of it.
+  const std::vector<SimulatedScene>& frames() {
+    static const auto frames = framesOf([&](const FrameVisitor& visit) {
+      Random random(4);
+      simulateSequence(objects_, options_, 21, random, visit);
+    });
+    return frames;
+  }
+
+  static std::vector<bool> movingIn(const SimulatedScene& frame) {
+    std::vector<bool> moving;
+    for (const auto& object : frame.objects) moving.push_back(object.moving);
+    return moving;
+  }
+};
+
+TEST_F(SimulatedSequence, ThingsArePutDownMovedAndTakenAway) {
+  ASSERT_EQ(frames().size(), 21u);
+  EXPECT_EQ(movingIn(frames()[0]), (std::vector<bool>{false, false}));
+  EXPECT_EQ(movingIn(frames()[4]), (std::vector<bool>{false, false, true}));
+  EXPECT_EQ(movingIn(frames()[7]), (std::vector<bool>{false, false, false}));
+  EXPECT_EQ(movingIn(frames()[9]), (std::vector<bool>{true, false, false}));
+  EXPECT_EQ(movingIn(frames()[12]), (std::vector<bool>{false, false, false}));
+  EXPECT_EQ(movingIn(frames()[18]), (std::vector<bool>{false, false, true}));
+  EXPECT_EQ(movingIn(frames()[20]), (std::vector<bool>{false, false}));
+  const auto placeOf = [&](int frame, int object) {
+    return Eigen::Vector3d(frames()[frame].objects[object].T_camera_object.translation());
+  };
+  EXPECT_GT((placeOf(12, 0) - placeOf(0, 0)).norm(), 0.05);
+  EXPECT_LT((placeOf(12, 1) - placeOf(0, 1)).norm(), 1e-9);
+}
+
+TEST_F(SimulatedSequence, WhatIsNotMovingStandsOnTheTable) {
+  for (const auto& frame : frames())
+    for (const auto& object : frame.objects) {
+      double lowest = 1;
+      for (const auto& v : meshes_.at(object.name).vertices)
+        lowest = std::min(lowest, frame.up.dot(object.T_camera_object * v.cast<double>()));
+      if (object.moving)
+        EXPECT_GT(lowest + frame.plane[3], -1e-3) << object.name;
+      else
+        EXPECT_NEAR(lowest + frame.plane[3], 0, 1e-3) << object.name;
+    }
+}
+
+TEST_F(SimulatedSequence, AForearmHidesThings) {
+  const auto tableOf = [&](int frame) {
+    const auto& labels = frames()[frame].labels;
+    return std::count(labels.begin(), labels.end(), SimulatedScene::TABLE);
+  };
+  EXPECT_LT(tableOf(14), 0.97 * tableOf(12));
+  EXPECT_EQ(tableOf(11), tableOf(12));
 }
 
 }  // namespace

@@ -242,5 +242,25 @@ TEST(SamePose, TellsPosesApartThatLookDifferent) {
   EXPECT_FALSE(same("axis z", turned(M_PI, Eigen::Vector3d::UnitX())));
 }
 
+TEST(CanonicalPose, IsTheSameForAllPosesThatLookAlike) {
+  const Eigen::Vector3d center(0.01, 0.02, 0.03);
+  const Eigen::Isometry3d T = Eigen::Translation3d(0.1, 0, 0.8) *
+                              Eigen::AngleAxisd(0.4, Eigen::Vector3d(1, 2, 3).normalized());
+  const Eigen::Matrix3d reference =
+      Eigen::AngleAxisd(0.9, Eigen::Vector3d(-1, 2, 0.5).normalized()).toRotationMatrix();
+  for (const char* words : {"none", "half x", "box", "axis y"}) {
+    Symmetry symmetry = declaredSymmetry(words, center);
+    if (symmetry.continuous()) symmetry.rotations = declaredSymmetry("half x", center).rotations;
+    const auto canonical = canonicalPose(symmetry, T, reference);
+    EXPECT_TRUE(samePose(symmetry, T, canonical, 1e-9, 1e-6)) << words;
+    double least = angleOf(reference.transpose() * canonical.linear());
+    for (const auto& motion : symmetryMotions(symmetry, 36)) {
+      const Eigen::Isometry3d alike = T * motion;
+      EXPECT_TRUE(canonicalPose(symmetry, alike, reference).isApprox(canonical, 1e-9)) << words;
+      EXPECT_GE(angleOf(reference.transpose() * alike.linear()), least - 1e-9) << words;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace tabletop_perception

@@ -336,5 +336,54 @@ TEST(EvaluateCommand, wantsOneTruthAndModelsForPoses) {
   EXPECT_THROW(evaluate("--labels ."), CLI::ParseError);
 }
 
+class EvaluateJitter : public testing::Test {
+ protected:
+  /// A frame that shows one thing, turned about z.
+  void write(int frame, double x, double degrees) {
+    const double half = degrees * M_PI / 360;
+    const json object = {
+        {"name", "mug"},
+        {"pose",
+         {{"position", {x, 0, 1}}, {"orientation", {0, 0, std::sin(half), std::cos(half)}}}}};
+    folder.write("results/000003_" + std::to_string(frame) + ".json",
+                 json{{"objects", json::array({object})}}.dump());
+  }
+
+  json figures() const {
+    return json::parse(evaluate("--jitter --json --results " + folder.file("results")));
+  }
+
+  TempFolder folder;
+};
+
+TEST_F(EvaluateJitter, TellsHowFarPosesLieFromTheirMean) {
+  for (int frame = 0; frame < 4; ++frame) write(frame, frame % 2 * 0.002, frame % 2 * 2.0);
+  const auto all = figures();
+  ASSERT_EQ(all["objects"].size(), 1u);
+  const auto& mug = all["objects"][0];
+  EXPECT_EQ(mug["scene"], "000003");
+  EXPECT_EQ(mug["seen"], 4);
+  EXPECT_NEAR(mug["translation"]["mean"], 0.001, 1e-9);
+  EXPECT_NEAR(mug["rotation"]["p95"], M_PI / 180, 1e-6);
+  EXPECT_EQ(all["flips"], 0);
+}
+
+TEST_F(EvaluateJitter, CountsFlipsAndFramesWithoutTheThing) {
+  write(0, 0, 0);
+  write(1, 0, 90);
+  write(2, 0, 91);
+  folder.write("results/000003_3.json", R"({"objects": []})");
+  const auto all = figures();
+  EXPECT_EQ(all["flips"], 1);
+  EXPECT_EQ(all["objects"][0]["seen"], 3);
+  EXPECT_EQ(all["objects"][0]["frames"], 4);
+}
+
+TEST_F(EvaluateJitter, WithoutFramesThereIsNothingToEvaluate) {
+  std::filesystem::create_directories(folder.file("results"));
+  EXPECT_MENTIONS(complaint("--jitter --results " + folder.file("results")),
+                  "no SCENE_FRAME.json in");
+}
+
 }  // namespace
 }  // namespace tabletop_perception::tools

@@ -1,0 +1,168 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <Eigen/Eigenvalues>
+
+#include "evaluate.h"
+#include "pose_files.h"
+#include "tabletop_perception/geometry.h"
+#include "tabletop_perception/tracker.h"
+
+namespace tabletop_perception::tools {
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+namespace {
+
+constexpr double FLIP_ANGLE = 30 * M_PI / 180;  // from one sighting to the next
+constexpr double FRAME_TIME = 0.1;              // [s]
+constexpr double MEMORY = 1e6;                  // a thing is never forgotten [s]
+
+/// A thing over the frames of a scene.
+struct Track {
+  std::string scene, name;
+  std::vector<Eigen::Isometry3d> poses;
+  std::size_t frames = 0;  ///< of the scene
+};
+
+/// Mean and 95th percentile.
+struct Spread {
+  double mean = 0, p95 = 0;
+};
+
+/// How a thing that stands still moves.
+struct Jitter {
+  Spread translation;  ///< from the mean position [m]
+  Spread rotation;     ///< from the mean rotation [rad]
+  std::size_t flips = 0;
+};
+
+Spread spreadOf(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  Spread spread;
+  for (const double value : values) spread.mean += value / static_cast<double>(values.size());
+  spread.p95 = values[static_cast<std::size_t>(0.95 * static_cast<double>(values.size() - 1))];
+  return spread;
+}
+
+/// The rotation of least mean squared chordal distance (Markley et al. 2007).
+Eigen::Quaterniond meanRotation(const std::vector<Eigen::Isometry3d>& poses) {
+  Eigen::Matrix4d sum = Eigen::Matrix4d::Zero();
+  for (const auto& pose : poses) {
+    const Eigen::Vector4d q = Eigen::Quaterniond(pose.linear()).coeffs();
+    sum += q * q.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(sum);
+  return Eigen::Quaterniond(Eigen::Vector4d(solver.eigenvectors().col(3)));
+}
+
+Jitter jitterOf(const Track& track) {
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const auto& pose : track.poses)
+    middle += pose.translation() / static_cast<double>(track.poses.size());
+  const Eigen::Quaterniond mean = meanRotation(track.poses);
+  std::vector<double> shifts, turns;
+  Jitter jitter;
+  for (std::size_t i = 0; i < track.poses.size(); ++i) {
+    const Eigen::Quaterniond rotation(track.poses[i].linear());
+    shifts.push_back((track.poses[i].translation() - middle).norm());
+    turns.push_back(mean.angularDistance(rotation));
+    jitter.flips += i > 0 && rotation.angularDistance(
+                                 Eigen::Quaterniond(track.poses[i - 1].linear())) > FLIP_ANGLE;
+  }
+  jitter.translation = spreadOf(shifts);
+  jitter.rotation = spreadOf(turns);
+  return jitter;
+}
+
+/// The frames of each scene in their order: SCENE_FRAME.json.
+std::map<std::string, std::vector<fs::path>> framesIn(const fs::path& results) {
+  std::map<std::string, std::vector<fs::path>> scenes;
+  for (const auto& entry : fs::directory_iterator(results)) {
+    if (entry.path().extension() != ".json") continue;
+    const std::string name = entry.path().stem();
+    const auto split = name.rfind('_');
+    scenes[split == name.npos ? "" : name.substr(0, split)].push_back(entry.path());
+  }
+  if (scenes.empty()) throw std::invalid_argument("no SCENE_FRAME.json in " + results.string());
+  for (auto& [scene, files] : scenes) std::sort(files.begin(), files.end());
+  return scenes;
+}
+
+std::vector<Track> tracksOf(const std::string& scene, const std::vector<fs::path>& files) {
+  TrackerOptions options;
+  options.memory = MEMORY;
+  Tracker tracker(options);
+  std::map<std::uint32_t, Track> tracks;
+  double stamp = 0;
+  for (const auto& file : files) {
+    const auto objects = readResults(file);
+    std::vector<Sighting> sightings;
+    for (const auto& object : objects)
+      sightings.push_back({object.name, object.T_camera_object.translation()});
+    const auto ids = tracker.update(stamp += FRAME_TIME, sightings);
+    for (std::size_t i = 0; i < objects.size(); ++i) {
+      Track& track = tracks[ids[i]];
+      track.scene = scene;
+      track.name = objects[i].name;
+      track.frames = files.size();
+      track.poses.push_back(objects[i].T_camera_object);
+    }
+  }
+  std::vector<Track> all;
+  for (auto& [id, track] : tracks) all.push_back(std::move(track));
+  return all;
+}
+
+ordered_json trackJson(const Track& track, const Jitter& jitter) {
+  const auto spread = [](const Spread& values) {
+    return ordered_json{{"mean", values.mean}, {"p95", values.p95}};
+  };
+  return {{"scene", track.scene},
+          {"name", track.name},
+          {"frames", track.frames},
+          {"seen", track.poses.size()},
+          {"translation", spread(jitter.translation)},
+          {"rotation", spread(jitter.rotation)},
+          {"flips", jitter.flips}};
+}
+
+std::vector<std::string> trackRow(const Track& track, const Jitter& jitter) {
+  constexpr double DEG = 180 / M_PI;
+  return {track.scene + " " + track.name,
+          std::to_string(track.poses.size()) + "/" + std::to_string(track.frames),
+          formatted(jitter.translation.mean, 1000, 2),
+          formatted(jitter.translation.p95, 1000, 2),
+          formatted(jitter.rotation.mean, DEG, 2),
+          formatted(jitter.rotation.p95, DEG, 2),
+          std::to_string(jitter.flips)};
+}
+
+}  // namespace
+
+void evaluateJitter(const fs::path& results, bool json) {
+  auto objects = ordered_json::array();
+  std::vector<std::vector<std::string>> rows{
+      {"", "seen", "mean mm", "p95 mm", "mean deg", "p95 deg", "flips"}};
+  std::size_t flips = 0;
+  for (const auto& [scene, files] : framesIn(results))
+    for (const auto& track : tracksOf(scene, files)) {
+      const Jitter jitter = jitterOf(track);
+      flips += jitter.flips;
+      objects.push_back(trackJson(track, jitter));
+      rows.push_back(trackRow(track, jitter));
+    }
+  if (json) {
+    std::printf("%s\n", ordered_json{{"objects", objects}, {"flips", flips}}.dump().c_str());
+    return;
+  }
+  printColumns(rows);
+  std::printf("flips: %zu\n", flips);
+}
+
+}  // namespace tabletop_perception::tools
