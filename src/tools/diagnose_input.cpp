@@ -63,8 +63,14 @@ std::int64_t stampedClouds(const std::vector<CloudSeen>& clouds) {
 
 void checkInput(const Observed& seen, Findings& findings) {
   if (seen.input.empty()) {
-    // a graph that does not run has no input, which checkGraph says
-    if (!seen.graph || topicsOf(seen, CLOUD_TYPE).empty())
+    const bool filter_runs =
+        seen.graph && !seen.graph->stages.empty() && seen.graph->stages.front().second;
+    if (filter_runs)
+      findings.error("input_unknown",
+                     "the filter of " + seen.graph->ns +
+                         " listens to no topic although its results are wanted: it hangs, or name "
+                         "the camera's topic with --topic");
+    else if (topicsOf(seen, CLOUD_TYPE).empty())
       findings.error("no_cloud_topic", "no topic of type " + std::string(CLOUD_TYPE) + " in " +
                                            seen.source + ": " + cloudAdvice(seen));
     return;

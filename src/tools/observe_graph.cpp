@@ -69,18 +69,26 @@ bool startsWith(const std::string& text, const std::string& start) {
   return text.compare(0, start.size(), start) == 0;
 }
 
-/// The topics that are published outside the graph's namespace.
+/// Whether a topic is one of the graph's own; cameras may share its namespace.
+bool ownTopic(const std::string& topic, const std::string& ns) {
+  for (const auto* nodelet :
+       {"filter", "table", "cluster", "match", "refine", "markers", "pick", "manager"})
+    if (startsWith(topic, ns + "/" + nodelet + "/")) return true;
+  return false;
+}
+
+/// The topics that are published outside the graph.
 std::map<std::string, TopicSeen> topicsOutside(const MasterState& state, const std::string& ns) {
   std::map<std::string, TopicSeen> topics;
   for (const auto& [name, nodes] : state.publishers) {
-    if (startsWith(name, ns + "/")) continue;
+    if (ownTopic(name, ns)) continue;
     const auto type = state.types.find(name);
     topics[name] = {type == state.types.end() ? "" : type->second, {nodes.begin(), nodes.end()}};
   }
   return topics;
 }
 
-/// What the filter listens to: of the topics outside the namespace that its process subscribes to,
+/// What the filter listens to: of the topics outside the graph that its process subscribes to,
 /// the one with clouds or, if there is none, the one of a type that no other nodelet takes. Empty:
 /// it does not (yet).
 std::string filterInput(const MasterState& state, const std::string& ns) {
@@ -94,7 +102,7 @@ std::string filterInput(const MasterState& state, const std::string& ns) {
     const bool ours = std::any_of(nodes.begin(), nodes.end(), [&](const std::string& node) {
       return hosts->second.count(node) > 0;
     });
-    if (!ours || startsWith(topic, ns + "/")) continue;
+    if (!ours || ownTopic(topic, ns)) continue;
     const auto type = state.types.find(topic);
     if (type != state.types.end() && type->second == CLOUD_TYPE) return topic;
     if (other.empty() && (type == state.types.end() || !OTHERS.count(type->second))) other = topic;
@@ -145,9 +153,9 @@ std::vector<std::string> silentNodes(const MasterState& state, const std::string
                                      const std::string& input) {
   std::set<std::string> needed;
   for (const auto& node : state.nodes)
-    if (startsWith(node, ns + "/")) needed.insert(node);
+    if (ownTopic(node + "/", ns)) needed.insert(node);
   for (const auto& [topic, nodes] : state.publishers)
-    if (topic == input || startsWith(topic, ns + "/")) needed.insert(nodes.begin(), nodes.end());
+    if (topic == input || ownTopic(topic, ns)) needed.insert(nodes.begin(), nodes.end());
   needed.erase(ros::this_node::getName());
 
   std::vector<std::pair<std::string, std::future<bool>>> answers;
@@ -163,7 +171,8 @@ std::vector<std::string> silentNodes(const MasterState& state, const std::string
 DatabaseSeen databaseSeen(const std::string& path) {
   DatabaseSeen seen;
   seen.file = expandHome(path);
-  seen.exists = std::filesystem::exists(seen.file);
+  std::error_code ignored;
+  seen.exists = std::filesystem::exists(seen.file, ignored);
   if (!seen.exists) return seen;
   try {
     seen.objects = ObjectDatabase(seen.file, ObjectDatabase::Mode::READ).names().size();
@@ -239,7 +248,7 @@ class GraphObserver {
     const auto input = seen_.topics.find(seen_.input);
     if (input != seen_.topics.end() && input->second.type == CLOUD_TYPE) {
       listen<sensor_msgs::PointCloud2>(
-          seen_.input, [this](const sensor_msgs::PointCloud2& message) { onCloud(message); });
+          seen_.input, [this](const sensor_msgs::PointCloud2& message) { onCloud(message); }, 10);
       seen_.camera_info = cameraInfoOf(seen_.input, seen_.topics);
       if (!seen_.camera_info.empty())
         listen<sensor_msgs::CameraInfo>(seen_.camera_info,

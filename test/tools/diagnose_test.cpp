@@ -294,6 +294,7 @@ const std::vector<Fault> FAULTS{
        for (auto& [topic, advertised] : seen.graph->stages) advertised = false;
        seen.graph->other_ns = {"/robot"};
      }},
+    {"input_unknown", {"/perception", "--topic"}, [](Observed& seen) { misdirect(seen, ""); }},
     {"stage_missing",
      {"/perception/match/candidates", "refused their parameters"},
      [](Observed& seen) {
