@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include <ros/callback_queue.h>
 #include <ros/network.h>
 #include <ros/ros.h>
 #include <rosgraph_msgs/Clock.h>
@@ -263,9 +264,9 @@ class GraphObserver {
 
  private:
   template <typename Message, typename Callback>
-  void listen(const std::string& topic, const Callback& callback) {
+  void listen(const std::string& topic, const Callback& callback, std::uint32_t queue = 100) {
     subscribers_.push_back(nh_.subscribe<Message>(
-        topic, 100,
+        topic, queue,
         [callback](const boost::shared_ptr<const Message>& message) { callback(*message); }));
   }
 
