@@ -19,6 +19,7 @@ void addObjects(CLI::App& app);
 void addSegment(CLI::App& app);
 void addRecognize(CLI::App& app);
 void addPick(CLI::App& app);
+void addDoctor(CLI::App& app);
 void addSimulate(CLI::App& app);
 void addEvaluate(CLI::App& app);
 void addBenchmark(CLI::App& app);

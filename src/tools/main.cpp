@@ -53,6 +53,7 @@ int main(int argc, char** argv) {
   addSegment(app);
   addRecognize(app);
   addPick(app);
+  addDoctor(app);
   addSimulate(app);
   addEvaluate(app);
   addBenchmark(app);

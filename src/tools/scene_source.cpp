@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "bag_file.h"
 #include "conversions.h"
 #include "tabletop_perception/pcd.h"
 
@@ -123,15 +124,9 @@ void visitClouds(rosbag::Bag& bag, const fs::path& file, const std::string& topi
 }
 
 void visitBag(const fs::path& file, const std::string& wanted_topic, const Visit& visit) {
-  rosbag::Bag bag;
-  try {
-    bag.open(file.string(), rosbag::bagmode::Read);
+  readBag(file, [&](rosbag::Bag& bag) {
     visitClouds(bag, file, cloudTopic(bag, file, wanted_topic), visit);
-  } catch (const rosbag::BagUnindexedException&) {
-    refuse(file, "the bag is cut short or was not closed; `rosbag reindex` may repair it");
-  } catch (const ros::Exception& error) {
-    refuse(file, std::string("the bag cannot be read: ") + error.what());
-  }
+  });
 }
 
 json readJson(const fs::path& file) {
