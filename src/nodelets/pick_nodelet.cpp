@@ -55,16 +55,6 @@ PickedObject refusal(const std_msgs::Header& header, const std::string& reason) 
   return message;
 }
 
-Projection projectionOf(const sensor_msgs::CameraInfo& info) {
-  return {info.K[0],
-          info.K[4],
-          info.K[2],
-          info.K[5],
-          static_cast<int>(info.width),
-          static_cast<int>(info.height),
-          1};
-}
-
 }  // namespace
 
 /// `/clicked_point` PointStamped in any frame, `~clicked_pixel` PointStamped with column and row as
