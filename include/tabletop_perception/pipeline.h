@@ -12,6 +12,7 @@
 #include "tabletop_perception/cluster.h"
 #include "tabletop_perception/color.h"
 #include "tabletop_perception/decide.h"
+#include "tabletop_perception/depth_image.h"
 #include "tabletop_perception/filter.h"
 #include "tabletop_perception/grasp.h"
 #include "tabletop_perception/match.h"
@@ -27,6 +28,7 @@ namespace tabletop_perception {
 
 /// The options of every stage, in the order of the pipeline.
 struct PipelineOptions {
+  DepthImageOptions depth_image;  ///< of the nodelet: what comes to these functions is a cloud
   FilterOptions filter;
   TableOptions table;
   ClusterOptions cluster;
@@ -42,6 +44,7 @@ struct PipelineOptions {
   /// Calls visit(section, options) for each stage.
   template <typename Visitor>
   void visitStages(Visitor&& visit) {
+    visit("depth_image", depth_image);
     visit("filter", filter);
     visit("table", table);
     visit("cluster", cluster);

@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "byte_order.h"
 #include "range_crop.h"
 #include "simd.h"
 
@@ -22,13 +23,6 @@ constexpr std::uint64_t MAX_POINTS = 1u << 30;  // indices of points are ints
 constexpr std::uint32_t MAX_RUN = 64;  // points that are read at once: bytes and values stay cached
 constexpr std::size_t READ_AHEAD = 8192;   // fetched before it is read [bytes]
 constexpr std::size_t WRITE_AHEAD = 2048;  // fetched before it is written [bytes]
-
-bool hostIsBigEndian() {
-  const std::uint16_t one = 1;
-  std::uint8_t first;
-  std::memcpy(&first, &one, 1);
-  return first == 0;
-}
 
 [[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument(what); }
 

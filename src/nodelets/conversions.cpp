@@ -105,6 +105,18 @@ sensor_msgs::PointCloud2Ptr messageFromCloud(const Cloud& cloud, const std_msgs:
   return message;
 }
 
+PackedImage packedView(const sensor_msgs::Image& message) {
+  return {message.encoding,          message.width,       message.height,     message.step,
+          message.is_bigendian != 0, message.data.data(), message.data.size()};
+}
+
+Projection projectionOf(const sensor_msgs::CameraInfo& info) {
+  const int width = static_cast<int>(info.width), height = static_cast<int>(info.height);
+  const bool rectified = info.K[0] != 0 && info.P[0] != 0;
+  if (rectified) return {info.P[0], info.P[5], info.P[2], info.P[6], width, height, 1};
+  return {info.K[0], info.K[4], info.K[2], info.K[5], width, height, 1};
+}
+
 geometry_msgs::Point messageFromPoint(const Eigen::Vector3d& point) {
   geometry_msgs::Point message;
   message.x = point.x();

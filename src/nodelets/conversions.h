@@ -9,17 +9,21 @@
 #include <geometry_msgs/Pose.h>
 #include <geometry_msgs/PoseArray.h>
 #include <geometry_msgs/TransformStamped.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
 #include <sensor_msgs/PointCloud2.h>
 
 #include <Eigen/Geometry>
 
 #include "messages.h"
 #include "tabletop_perception/cloud.h"
+#include "tabletop_perception/depth_image.h"
 #include "tabletop_perception/found.h"
 #include "tabletop_perception/grasp.h"
 #include "tabletop_perception/match.h"
 #include "tabletop_perception/packed_cloud.h"
 #include "tabletop_perception/pipeline.h"
+#include "tabletop_perception/projection.h"
 #include "tabletop_perception/table.h"
 
 namespace tabletop_perception {
@@ -45,6 +49,12 @@ void packPoints(const Cloud& cloud, const std::vector<std::uint32_t>* labels, st
 /// The whole message. `labels`: one per point; null: none.
 sensor_msgs::PointCloud2Ptr messageFromCloud(const Cloud& cloud, const std_msgs::Header& header,
                                              const std::vector<std::uint32_t>* labels = nullptr);
+
+/// The image's bytes as the core reads them; only as long as the message is there.
+PackedImage packedView(const sensor_msgs::Image& message);
+
+/// The camera of rectified images: P, or K where there is no P. All zeros of an uncalibrated one.
+Projection projectionOf(const sensor_msgs::CameraInfo& info);
 
 geometry_msgs::Point messageFromPoint(const Eigen::Vector3d& point);
 Eigen::Vector3d pointFromMessage(const geometry_msgs::Point& message);

@@ -16,31 +16,45 @@ namespace tabletop_perception {
 
 /// `~input` PointCloud2 of the camera -> `~cloud` PointCloud2, cropped and without outliers.
 ///
+/// roscpp hands on by pointer what is published and subscribed to as one type: with `unpacked` that
+/// is the type of this package's nodelets, else everybody's sensor_msgs/PointCloud2.
+///
 /// The graph's entrance: a frame that comes while the stages behind are busy with two others is
 /// dropped here, whole. That a stage of this manager is still busy with a frame shows in its
 /// message: it is passed on by pointer, and the last one to let go of it is done.
 class FilterNodelet : public StageNodelet {
   void start() override {
+    unpacked_ = parameter("unpacked", unpacked_);
     serveOptions<FilterConfig>(getPrivateNodeHandle(), options_);
     cloud_pub_ = advertise<CloudMessage>("cloud");
   }
 
   void subscribe() override {
-    input_sub_ = getPrivateNodeHandle().subscribe("input", 1, &FilterNodelet::onCloud, this);
+    auto& nh = getPrivateNodeHandle();
+    input_sub_ = unpacked_ ? nh.subscribe("input", 1, &FilterNodelet::onUnpacked, this)
+                           : nh.subscribe("input", 1, &FilterNodelet::onPacked, this);
   }
 
   void unsubscribe() override { input_sub_.shutdown(); }
 
-  void onCloud(const sensor_msgs::PointCloud2ConstPtr& message) {
+  void onUnpacked(const CloudMessageConstPtr& message) {
+    onCloud(message->header, [&] { return filterCloud(message->cloud(), options_); });
+  }
+
+  void onPacked(const sensor_msgs::PointCloud2ConstPtr& message) {
+    onCloud(message->header, [&] { return filterCloud(packedView(*message), options_); });
+  }
+
+  template <typename Filter>
+  void onCloud(const std_msgs::Header& header, Filter filtered) {
     if (busy()) {
       health().dropped("two frames are in the graph");
       return;
     }
-    attempt(message->header.stamp, [&] {
-      const auto filtered = boost::make_shared<CloudMessage>(
-          message->header, filterCloud(packedView(*message), options_));
-      frames_.push_back({filtered, Clock::now()});
-      cloud_pub_.publish(filtered);
+    attempt(header.stamp, [&] {
+      const auto cloud = boost::make_shared<CloudMessage>(header, filtered());
+      frames_.push_back({cloud, Clock::now()});
+      cloud_pub_.publish(cloud);
     });
   }
 
@@ -60,6 +74,7 @@ class FilterNodelet : public StageNodelet {
   static constexpr std::size_t MAX_FRAMES = 2;       ///< one is refined while the next is matched
   static constexpr std::chrono::seconds GIVE_UP{2};  ///< somebody keeps the cloud for good
 
+  bool unpacked_ = false;  ///< the input comes from a nodelet of this package
   FilterOptions options_;
   std::vector<Frame> frames_;  ///< in the graph
   ros::Publisher cloud_pub_;

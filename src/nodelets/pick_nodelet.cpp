@@ -65,16 +65,6 @@ struct Answer {
   Answer(PickedObject message) : picked(std::move(message)) {}  // NOLINT: without a model
 };
 
-Projection projectionOf(const sensor_msgs::CameraInfo& info) {
-  return {info.K[0],
-          info.K[4],
-          info.K[2],
-          info.K[5],
-          static_cast<int>(info.width),
-          static_cast<int>(info.height),
-          1};
-}
-
 }  // namespace
 
 /// `/clicked_point` PointStamped in any frame, `~clicked_pixel` PointStamped with column and row as

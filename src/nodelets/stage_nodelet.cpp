@@ -59,6 +59,7 @@ void StageNodelet::attempt(const ros::Time& stamp, const std::function<void()>& 
 
 void StageNodelet::warn(const std::string& text) {
   using namespace std::chrono_literals;
+  std::lock_guard<std::mutex> lock(warning_mutex_);
   const auto now = std::chrono::steady_clock::now();
   const bool first = last_warning_.empty();
   if (!first && now - last_warning_time_ < (text == last_warning_ ? 10s : 1s)) return;

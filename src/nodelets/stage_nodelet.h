@@ -47,9 +47,11 @@ class StageNodelet : public nodelet::Nodelet {
 
   /// Keeps `options` as the parameters under `nh` and dynamic_reconfigure say. Throws
   /// std::invalid_argument for an unknown parameter, a wrong type, a value out of range or two that
-  /// contradict each other; a reconfiguration that does is refused, and the options stay.
+  /// contradict each other; a reconfiguration that does is refused, and the options stay. `changed`
+  /// is called after every change.
   template <typename Config, typename Options>
-  void serveOptions(const ros::NodeHandle& nh, Options& options) {
+  void serveOptions(const ros::NodeHandle& nh, Options& options,
+                    const std::function<void()>& changed = nullptr) {
     XmlRpc::XmlRpcValue set;
     nh.getParam(nh.getNamespace(), set);
     const bool own = nh.getNamespace() == getPrivateNodeHandle().getNamespace();
@@ -58,7 +60,7 @@ class StageNodelet : public nodelet::Nodelet {
     auto server = std::make_shared<dynamic_reconfigure::Server<Config>>(nh);
     const auto accepted = std::make_shared<Config>();
     server->setCallback(
-        [this, &options, accepted, name = nh.getNamespace()](Config& config, uint32_t) {
+        [this, &options, accepted, changed, name = nh.getNamespace()](Config& config, uint32_t) {
           const auto asked = optionsFromConfig<Options>(config);
           try {
             checkFields(name + "/", asked);
@@ -69,6 +71,7 @@ class StageNodelet : public nodelet::Nodelet {
           }
           options = asked;
           *accepted = config;
+          if (changed) changed();
         });
     servers_.push_back(server);
   }
@@ -94,7 +97,8 @@ class StageNodelet : public nodelet::Nodelet {
   /// What else the diagnostics say: frames that are dropped, and why a frame has no result.
   StageHealth& health() { return health_; }
 
-  /// A warning that does not flood the log: the same text every 10 s, another after 1 s.
+  /// A warning that does not flood the log: the same text every 10 s, another after 1 s. From
+  /// any thread.
   void warn(const std::string& text);
 
   /// Frames that wait between two stages. The filter lets no more into the graph than are worked
@@ -121,6 +125,7 @@ class StageNodelet : public nodelet::Nodelet {
   bool started_ = false;
   bool subscribed_ = false;
 
+  std::mutex warning_mutex_;  ///< guards what follows
   std::string last_warning_;
   std::chrono::steady_clock::time_point last_warning_time_;
 };

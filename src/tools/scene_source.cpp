@@ -17,6 +17,7 @@
 
 #include "bag_file.h"
 #include "conversions.h"
+#include "tabletop_perception/depth_image.h"
 #include "tabletop_perception/pcd.h"
 
 namespace tabletop_perception::tools {
@@ -207,23 +208,14 @@ cv::Mat readImage(const fs::path& file, int flags, int type, const char* type_na
   return image;
 }
 
-Cloud projectDepth(const cv::Mat& depth, const cv::Mat& color, const DepthCamera& camera) {
-  Cloud cloud(camera.width, camera.height, !color.empty());
-  for (int v = 0; v < camera.height; ++v)
-    for (int u = 0; u < camera.width; ++u) {
-      const std::size_t i = static_cast<std::size_t>(v) * camera.width + u;
-      if (cloud.colored()) {
-        const auto& bgr = color.at<cv::Vec3b>(v, u);
-        cloud.rgb[i] = bgr[2] << 16 | bgr[1] << 8 | bgr[0];
-      }
-      const auto raw = depth.at<std::uint16_t>(v, u);
-      if (raw == 0) continue;
-      const double z = raw * camera.depth_unit;
-      cloud.setPoint(
-          i, Eigen::Vector3d((u - camera.cx) * z / camera.fx, (v - camera.cy) * z / camera.fy, z)
-                 .cast<float>());
-    }
-  return cloud;
+PackedImage packedView(const cv::Mat& image, const char* encoding) {
+  return {encoding,
+          static_cast<std::uint32_t>(image.cols),
+          static_cast<std::uint32_t>(image.rows),
+          static_cast<std::uint32_t>(image.step),
+          false,
+          image.data,
+          image.step * image.rows};
 }
 
 void visitFolder(const fs::path& folder, const Visit& visit) {
@@ -239,7 +231,17 @@ void visitFolder(const fs::path& folder, const Visit& visit) {
 
   Scene scene;
   scene.name = lastName(folder);
-  scene.cloud = projectDepth(depth, color, camera);
+  const auto packed_color = packedView(color, "bgr8");
+  DepthImageOptions everything;
+  everything.max_range = 100;
+  try {
+    scene.cloud =
+        cloudFromDepth(packedView(depth, "16UC1"), color.empty() ? nullptr : &packed_color,
+                       {camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height, 1},
+                       everything, nullptr, camera.depth_unit);
+  } catch (const std::invalid_argument& error) {
+    refuse(folder, error.what());
+  }
   scene.up = upIn(data, camera_file);
   visit(scene);
 }

@@ -11,6 +11,7 @@
 #include "options_ros.h"
 #include "tabletop_perception/ClusterConfig.h"
 #include "tabletop_perception/ColorConfig.h"
+#include "tabletop_perception/DepthImageConfig.h"
 #include "tabletop_perception/FilterConfig.h"
 #include "tabletop_perception/GraspConfig.h"
 #include "tabletop_perception/MarkersConfig.h"
@@ -111,6 +112,9 @@ void expectSameFields() {
     EXPECT_TRUE(options.count(name)) << name << " is no option any more";
 }
 
+TEST(Config, depthImageHasTheOptionsOfItsStruct) {
+  expectSameFields<DepthImageConfig, DepthImageOptions>();
+}
 TEST(Config, filterHasTheOptionsOfItsStruct) { expectSameFields<FilterConfig, FilterOptions>(); }
 TEST(Config, tableHasTheOptionsOfItsStruct) { expectSameFields<TableConfig, TableOptions>(); }
 TEST(Config, clusterHasTheOptionsOfItsStruct) { expectSameFields<ClusterConfig, ClusterOptions>(); }

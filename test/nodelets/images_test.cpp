@@ -1,0 +1,254 @@
+#include <gtest/gtest.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+
+#include <cmath>
+#include <cstring>
+#include <memory>
+
+#include "color_partner.h"
+#include "graph.h"
+
+namespace tabletop_perception {
+namespace {
+
+using namespace test;
+
+// --- which colour image belongs to a depth image
+
+sensor_msgs::ImageConstPtr imageAt(double stamp) {
+  const auto image = boost::make_shared<sensor_msgs::Image>();
+  image->header.stamp = ros::Time(stamp);
+  return image;
+}
+
+TEST(ColorPartner, isTheNearestWithinTheInterval) {
+  ColorPartner partner(ros::Duration(0.02));
+  for (const double stamp : {99.97, 99.985, 100.01}) partner.addColor(imageAt(stamp));
+  const auto done = partner.addDepth(imageAt(100), true);
+  ASSERT_EQ(done.size(), 1u);
+  ASSERT_TRUE(done[0].second);
+  EXPECT_EQ(done[0].second->header.stamp, ros::Time(100.01));
+}
+
+TEST(ColorPartner, isWaitedForUntilItComes) {
+  ColorPartner partner(ros::Duration(0.02));
+  const auto depth = imageAt(100);
+  EXPECT_TRUE(partner.addDepth(depth, true).empty());
+  EXPECT_TRUE(partner.addColor(imageAt(99.9)).empty());
+  const auto done = partner.addColor(imageAt(100.015));
+  ASSERT_EQ(done.size(), 1u);
+  EXPECT_EQ(done[0].first, depth);
+  EXPECT_TRUE(done[0].second);
+}
+
+TEST(ColorPartner, isDoneWithoutWhereNoneCanComeAnyMore) {
+  ColorPartner partner(ros::Duration(0.02));
+  EXPECT_TRUE(partner.addDepth(imageAt(100), true).empty());
+  const auto too_late = partner.addColor(imageAt(100.03));
+  ASSERT_EQ(too_late.size(), 1u);
+  EXPECT_FALSE(too_late[0].second);
+
+  EXPECT_TRUE(partner.addDepth(imageAt(101), true).empty());
+  const auto overtaken = partner.addDepth(imageAt(101.03), true);
+  ASSERT_EQ(overtaken.size(), 1u);
+  EXPECT_EQ(overtaken[0].first->header.stamp, ros::Time(101));
+
+  ColorPartner fresh(ros::Duration(0.02));
+  EXPECT_EQ(fresh.addDepth(imageAt(100), false).size(), 1u) << "where nobody sends colours";
+}
+
+// --- the graph with images at its entrance
+
+/// Sends depth, colour and camera_info of a scene in the frame "camera".
+class ImageCamera {
+ public:
+  explicit ImageCamera(ros::NodeHandle& nh)
+      : nh_(nh),
+        depth_pub_(nh.advertise<sensor_msgs::Image>("/camera/depth_registered/image_raw", 1)),
+        info_pub_(nh.advertise<sensor_msgs::CameraInfo>("/camera/rgb/camera_info", 1)) {}
+
+  void withColor() { color_pub_ = nh_.advertise<sensor_msgs::Image>("/camera/rgb/image_raw", 1); }
+  void withoutColor() { color_pub_.shutdown(); }
+
+  bool connected() const {
+    return depth_pub_.getNumSubscribers() > 0 && info_pub_.getNumSubscribers() > 0 &&
+           (!color_pub_ || color_pub_.getNumSubscribers() > 0);
+  }
+
+  sensor_msgs::Image depthImage(const std::string& encoding) const {
+    sensor_msgs::Image image = emptyImage(encoding, encoding == "16UC1" ? 2 : 4);
+    for (std::size_t i = 0; i < scene_.cloud.size(); ++i) {
+      const float depth = scene_.cloud.z[i];
+      const auto raw = static_cast<std::uint16_t>(std::isnan(depth) ? 0 : std::lround(1e3 * depth));
+      if (encoding == "16UC1")
+        std::memcpy(&image.data[2 * i], &raw, 2);
+      else
+        std::memcpy(&image.data[4 * i], &depth, 4);
+    }
+    return image;
+  }
+
+  sensor_msgs::Image colorImage() const {
+    sensor_msgs::Image image = emptyImage("rgb8", 3);
+    for (std::size_t i = 0; i < scene_.cloud.size(); ++i)
+      for (int c = 0; c < 3; ++c)
+        image.data[3 * i + c] = static_cast<std::uint8_t>(scene_.cloud.rgb[i] >> (16 - 8 * c));
+    return image;
+  }
+
+  sensor_msgs::CameraInfo info() const {
+    sensor_msgs::CameraInfo info;
+    info.width = 640;
+    info.height = 480;
+    info.K = {525, 0, 319.5, 0, 525, 239.5, 0, 0, 1};
+    info.P = {525, 0, 319.5, 0, 0, 525, 239.5, 0, 0, 0, 1, 0};
+    return info;
+  }
+
+  ros::Time send(sensor_msgs::Image depth, sensor_msgs::CameraInfo info) {
+    const ros::Time stamp = ros::Time::now();
+    depth.header.stamp = info.header.stamp = stamp;
+    depth.header.frame_id = info.header.frame_id = "camera";
+    info_pub_.publish(info);
+    if (color_pub_) {
+      auto color = colorImage();
+      color.header = depth.header;
+      color.header.stamp += ros::Duration(0.008);
+      color_pub_.publish(color);
+    }
+    depth_pub_.publish(depth);
+    return stamp;
+  }
+  ros::Time send(const std::string& encoding) { return send(depthImage(encoding), info()); }
+
+  const scene::SyntheticScene& scene() const { return scene_; }
+
+ private:
+  static sensor_msgs::Image emptyImage(const std::string& encoding, int pixel_bytes) {
+    sensor_msgs::Image image;
+    image.encoding = encoding;
+    image.width = 640;
+    image.height = 480;
+    image.step = 640 * pixel_bytes;
+    image.data.resize(std::size_t{image.step} * image.height);
+    return image;
+  }
+
+  const scene::SyntheticScene scene_ = scene::threeObjects();
+  ros::NodeHandle nh_;
+  ros::Publisher depth_pub_, info_pub_, color_pub_;
+};
+
+class Images : public testing::Test {
+ protected:
+  using CloudRecorder = Recorder<sensor_msgs::PointCloud2>;
+
+  void listen() {
+    clouds_ = std::make_unique<CloudRecorder>(nh_, "/perception/depth_image/cloud");
+    ASSERT_TRUE(spinUntil([&] { return camera_.connected() && log_.connected(); }));
+  }
+
+  /// The cloud of an image, sent until it comes through.
+  sensor_msgs::PointCloud2ConstPtr cloudOf(const std::string& encoding) {
+    for (int i = 0; i < 30; ++i) {
+      const auto stamp = camera_.send(encoding);
+      if (spinUntil([&] { return clouds_->has(stamp); }, 0.5)) return clouds_->at(stamp);
+    }
+    return nullptr;
+  }
+
+  bool warned(const sensor_msgs::Image& depth, const sensor_msgs::CameraInfo& info,
+              const std::string& part) {
+    log_.clear();
+    for (int i = 0; i < 30 && !log_.has(part); ++i) {
+      camera_.send(depth, info);
+      spinUntil([&] { return log_.has(part); }, 0.5);
+    }
+    return log_.has(part);
+  }
+
+  void expectTrueCloud(const sensor_msgs::PointCloud2ConstPtr& message, bool colored) {
+    ASSERT_TRUE(message);
+    EXPECT_EQ(message->header.frame_id, "camera");
+    const Cloud cloud = cloudFromMessage(*message);
+    const Cloud& truth = camera_.scene().cloud;
+    ASSERT_EQ(cloud.width, truth.width);
+    ASSERT_EQ(cloud.height, truth.height);
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      ASSERT_EQ(cloud.valid(i), truth.valid(i)) << i;
+      if (truth.valid(i)) {
+        ASSERT_LT((cloud.point(i) - truth.point(i)).norm(), 0.001);
+      }
+    }
+    EXPECT_EQ(cloud.rgb, colored ? truth.rgb : std::vector<std::uint32_t>());
+  }
+
+  ros::NodeHandle nh_;
+  ImageCamera camera_{nh_};
+  LogRecorder log_{nh_};
+  std::unique_ptr<CloudRecorder> clouds_;
+};
+
+TEST_F(Images, nothingIsSubscribedUntilSomebodyListens) {
+  ASSERT_TRUE(ros::service::waitForService("/perception/depth_image/set_parameters", 20000));
+  EXPECT_FALSE(spinUntil([&] { return camera_.connected(); }, 2));
+  listen();
+  clouds_.reset();
+  EXPECT_TRUE(spinUntil([&] { return !camera_.connected(); }, 5)) << "and then it sleeps again";
+}
+
+TEST_F(Images, depthAloneOfBothEncodingsBecomesTheTrueCloud) {
+  listen();
+  expectTrueCloud(cloudOf("16UC1"), false);
+  expectTrueCloud(cloudOf("32FC1"), false);
+}
+
+TEST_F(Images, anImageOfTheSameMomentColoursTheCloud) {
+  camera_.withColor();
+  listen();
+  expectTrueCloud(cloudOf("16UC1"), true);
+}
+
+TEST_F(Images, thingsOnTheTableComeOutAtTheOtherEnd) {
+  Recorder<RecognizedObjectArray> objects(nh_, "/perception/refine/objects");
+  ASSERT_TRUE(spinUntil([&] { return camera_.connected(); }));
+  ASSERT_TRUE(spinUntil([&] {
+    const auto stamp = camera_.send("16UC1");
+    return spinUntil([&] { return objects.has(stamp); }, 1);
+  }));
+  const auto& frame = *objects.all().rbegin()->second;
+  EXPECT_EQ(frame.header.frame_id, "camera");
+  EXPECT_GE(frame.objects.size(), 3u) << frame.reason;
+}
+
+TEST_F(Images, whatDoesNotAddUpIsSkippedWithAWarning) {
+  listen();
+  auto info = camera_.info();
+  info.K.fill(0);
+  EXPECT_TRUE(warned(camera_.depthImage("16UC1"), info, "no usable K"));
+  info = camera_.info();
+  info.width = 320;
+  EXPECT_TRUE(warned(camera_.depthImage("16UC1"), info, "320 x 480"));
+  auto image = camera_.depthImage("16UC1");
+  image.encoding = "bgr8";
+  EXPECT_TRUE(warned(image, camera_.info(), "16UC1 (mm) or 32FC1 (m), got 'bgr8'"));
+  image = camera_.depthImage("32FC1");
+  for (std::size_t i = 0; i < image.data.size(); i += 4) {
+    float depth;
+    std::memcpy(&depth, &image.data[i], 4);
+    depth *= 1000;
+    std::memcpy(&image.data[i], &depth, 4);
+  }
+  EXPECT_TRUE(warned(image, camera_.info(), "are these millimetres?"));
+  expectTrueCloud(cloudOf("16UC1"), false);
+}
+
+}  // namespace
+}  // namespace tabletop_perception
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "images_test");
+  return RUN_ALL_TESTS();
+}
