@@ -8,8 +8,6 @@
 namespace tabletop_perception::tools {
 namespace {
 
-constexpr char CLOUD_TYPE[] = "sensor_msgs/PointCloud2";
-
 constexpr double MAX_AGE = 0.5;     ///< of a cloud when it arrives [s]
 constexpr double MAX_AHEAD = 0.1;   ///< of a stamp before the clock [s]
 constexpr double MAX_LOST = 0.1;    ///< share of the clouds that may be missing
@@ -180,7 +178,8 @@ void checkRates(const Observed& seen, Findings& findings) {
                      std::to_string(sent - came) + " of " + std::to_string(sent) + " clouds on " +
                          seen.input + " never came: " + figure(megabytes) + " MB/s arrive, " +
                          figure(megabytes * sent / came) +
-                         " MB/s are needed; run the filter on the camera's machine, or lower "
+                         " MB/s are needed; unless something thins them on purpose, run the filter "
+                         "on the camera's machine, or lower "
                          "resolution or rate");
     return;
   }

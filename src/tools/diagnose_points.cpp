@@ -17,12 +17,12 @@ bool endsWith(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.npos, end) == 0;
 }
 
-/// The link of a camera's body, x forward by REP 103. Not of the robot: its clouds may have been
-/// turned to look along any axis.
+/// The link of a camera's body, x forward by REP 103. Not of the robot or the room: clouds that
+/// were moved there may lie in any direction.
 bool isCameraBody(const std::string& frame) {
-  const bool optical = frame.find("optical") != frame.npos;
-  const bool robot = frame.find("base") != frame.npos;
-  return !optical && !robot && (endsWith(frame, "_link") || endsWith(frame, "_frame"));
+  for (const char* other : {"optical", "base", "robot", "world", "map", "odom", "table", "ground"})
+    if (frame.find(other) != frame.npos) return false;
+  return endsWith(frame, "_link") || endsWith(frame, "_frame");
 }
 
 /// The axis that a camera at the origin looks along, 0, 1 or 2; -1: none.

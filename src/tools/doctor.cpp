@@ -72,8 +72,9 @@ void addDoctor(CLI::App& app) {
   auto* command = app.add_subcommand(
       "doctor", "say in plain words what is wrong with a running graph or a bag");
   const auto arguments = std::make_shared<DoctorArguments>();
-  auto* bag = command->add_option("--bag", arguments->bag, "look at a bag, not at a running graph")
-                  ->type_name("FILE");
+  auto* bag =
+      command->add_option("BAG,--bag", arguments->bag, "look at a bag, not at a running graph")
+          ->type_name("FILE");
   command->add_option("--topic", arguments->topic,
                       "of the camera's clouds (default: what the filter listens to; of a bag, its "
                       "only one)");

@@ -13,7 +13,6 @@
 namespace tabletop_perception::tools {
 namespace {
 
-constexpr char CLOUD_TYPE[] = "sensor_msgs/PointCloud2";
 constexpr int LOOKED_AT = 3;  ///< clouds whose points are read
 
 /// The only topic with clouds; empty: there is none.

@@ -29,7 +29,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using XmlRpc::XmlRpcValue;
 
-constexpr char CLOUD_TYPE[] = "sensor_msgs/PointCloud2";
 constexpr std::chrono::milliseconds LOOK_EVERY{400};  ///< at the points of a cloud
 constexpr std::chrono::seconds WAKE_UP{2};            ///< for a sleeping graph to open its inputs
 constexpr std::chrono::seconds PING{2};               ///< longest wait for a node's answer

@@ -15,6 +15,9 @@
 /// Seconds, metres, bytes.
 namespace tabletop_perception::tools {
 
+/// What cameras' clouds have to be.
+constexpr char CLOUD_TYPE[] = "sensor_msgs/PointCloud2";
+
 /// A topic that somebody publishes or, in a bag, that has messages.
 struct TopicSeen {
   std::string type;                     ///< package/Message

@@ -1,5 +1,6 @@
 // `tabletop doctor` beside a running graph into which faults are brought.
 #include <gtest/gtest.h>
+#include <rosgraph_msgs/Clock.h>
 #include <sensor_msgs/Image.h>
 #include <sys/wait.h>
 #include <tf2_ros/static_transform_broadcaster.h>
@@ -146,6 +147,24 @@ TEST_F(Doctor, FindsNothingWhereNothingIsWrong) {
   EXPECT_EQ(found.ids(), Ids()) << found.result;
   EXPECT_GE(found.result.at("clouds"), 3);
   EXPECT_EQ(found.result.at("input"), "/camera/depth_registered/points");
+}
+
+TEST_F(Doctor, NamesSimulatedTimeThatNobodyGives) {
+  ros::param::set("/use_sim_time", true);  // for nodes that start from now on: the doctor
+  Camera camera(nh_);
+  const auto found = diagnosis(&camera);
+  ros::param::del("/use_sim_time");
+  EXPECT_EQ(found.injected(), Ids({"sim_time_without_clock"})) << found.result;
+}
+
+TEST_F(Doctor, NamesAClockThatNobodyFollows) {
+  auto clock = nh_.advertise<rosgraph_msgs::Clock>("/clock", 1, true);
+  rosgraph_msgs::Clock message;
+  message.clock = ros::Time(5);
+  clock.publish(message);
+  Camera camera(nh_);
+  const auto found = diagnosis(&camera);
+  EXPECT_EQ(found.injected(), Ids({"clock_without_sim_time"})) << found.result;
 }
 
 TEST_F(Doctor, NamesANamespaceWithoutAGraphAndTheOneThatHasIt) {

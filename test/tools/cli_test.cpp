@@ -148,6 +148,9 @@ TEST_F(TabletopProgram, RefusesBadUsage) {
   EXPECT_TRUE(refuses("segment " + three_pcd_ + "--up a b c", "--up"));
   EXPECT_TRUE(refuses("segment " + three_pcd_ + "--up 0 0 0", "--up must be a direction"));
   EXPECT_TRUE(refuses("recognize " + three_pcd_, "--database is required"));
+  EXPECT_TRUE(refuses("doctor missing.bag", "missing.bag: no such file"));
+  EXPECT_TRUE(refuses("doctor missing.bag --seconds 3", "--seconds"));
+  EXPECT_TRUE(refuses("doctor --seconds 0", "--seconds"));
 }
 
 TEST_F(TabletopProgram, RefusesBadScenes) {

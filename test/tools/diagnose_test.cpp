@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "finding_ids.h"
+
 namespace tabletop_perception::tools {
 namespace {
 
@@ -356,12 +358,6 @@ const std::vector<Fault> FAULTS{
      [](Observed& seen) { seen.tables->reason = "nothing stands on it"; }},
 };
 
-std::string idsOf(const std::vector<Finding>& findings) {
-  std::string ids;
-  for (const auto& finding : findings) ids += (ids.empty() ? "" : " ") + finding.id;
-  return ids;
-}
-
 class AFault : public testing::TestWithParam<Fault> {};
 
 TEST_P(AFault, IsNamedRightAndAloneInOneLineWithItsFigures) {
@@ -407,8 +403,11 @@ TEST(Diagnose, ADatabaseOnAnotherMachineCountsAsThereWhenMatchReadIt) {
 
 TEST(Diagnose, ACloudInTheRobotsFrameMayLookAnyWay) {
   Observed seen = healthyGraph();
-  eachCloud(seen, [](CloudSeen& cloud) { cloud.frame_id = "base_link"; });
-  EXPECT_EQ(idsOf(diagnose(seen)), "");
+  for (const auto* frame : {"base_link", "world_frame", "map"}) {
+    seen.graph->up_frame = frame;
+    eachCloud(seen, [&](CloudSeen& cloud) { cloud.frame_id = frame; });
+    EXPECT_EQ(idsOf(diagnose(seen)), "") << frame;
+  }
 }
 
 TEST(Diagnose, ALoopInTfDoesNotHangIt) {

@@ -16,6 +16,7 @@
 
 #include "conversions.h"
 #include "diagnose.h"
+#include "finding_ids.h"
 #include "observe.h"
 #include "scene.h"
 #include "temp_folder.h"
@@ -95,12 +96,6 @@ std::string writeBag(const TempFolder& folder, const Recording& recording) {
   }
   bag.close();
   return file;
-}
-
-std::string idsOf(const std::vector<Finding>& findings) {
-  std::string ids;
-  for (const auto& finding : findings) ids += (ids.empty() ? "" : " ") + finding.id;
-  return ids;
 }
 
 struct BagFault {
