@@ -104,10 +104,10 @@ std::vector<Track> tracksOf(const std::string& scene, const std::vector<fs::path
     const auto objects = readResults(file);
     std::vector<Sighting> sightings;
     for (const auto& object : objects)
-      sightings.push_back({object.name, object.T_camera_object.translation()});
-    const auto ids = tracker.update(stamp += FRAME_TIME, sightings);
+      sightings.push_back({object.name, object.T_camera_object, PoseCovariance::Zero(), {}});
+    const auto things = tracker.update(stamp += FRAME_TIME, sightings);
     for (std::size_t i = 0; i < objects.size(); ++i) {
-      Track& track = tracks[ids[i]];
+      Track& track = tracks[things[i].id];
       track.scene = scene;
       track.name = objects[i].name;
       track.frames = files.size();
