@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "evaluate.h"
+#include "pose_files.h"
 #include "scene_source.h"
 #include "tabletop_perception/kd_tree.h"
 #include "tabletop_perception/projection.h"

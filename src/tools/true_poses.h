@@ -1,7 +1,6 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -27,15 +26,6 @@ struct TrueModels {
   std::map<std::string, ReferenceModel> reference;
   std::map<std::string, MeshRenderer> renderers;
 };
-
-/// From {"position": [x, y, z], "orientation": [x, y, z, w]}.
-Eigen::Isometry3d poseFromParts(const nlohmann::json& parts);
-
-/// Visits the `objects` of a file but for those named "unknown"; std::invalid_argument that `visit`
-/// throws gets the file's and the object's name.
-void visitObjects(
-    const nlohmann::json& content, const std::filesystem::path& file,
-    const std::function<void(const std::string& name, const nlohmann::json& object)>& visit);
 
 /// From an object of a gt.json.
 TrueObject trueObjectFrom(const nlohmann::json& object);

@@ -217,7 +217,7 @@ TEST_F(PoseScores, refusesATruthWithoutAModel) {
 TEST(PoseSummary, agreesWithTheHand) {
   // Of a diameter of 1 m, so the limits are at exactly 0.1 m and not below.
   const auto outcome = [](double mssd, double add_s, double translation) {
-    return PoseOutcome{"a", 1, PoseError{mssd, add_s, translation}};
+    return PoseOutcome{"a", 1, PoseError{mssd, add_s, translation, std::nullopt}};
   };
   PoseScore first, second;
   first.truth = {outcome(0.02, 0.01, 0.004), outcome(0.05, 0.04, 0.010), {"a", 1, std::nullopt}};

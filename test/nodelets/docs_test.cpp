@@ -19,8 +19,8 @@ namespace {
 
 using namespace test;
 
-const std::set<std::string> NODELETS = {"filter", "table",   "cluster", "match",
-                                        "refine", "markers", "pick",    "capture"};
+const std::set<std::string> NODELETS = {"depth_image", "filter",  "table", "cluster", "match",
+                                        "refine",      "markers", "pick",  "capture"};
 
 /// Topics and services of a nodelet by their names after "~", with their types where they are
 /// known.
@@ -82,7 +82,7 @@ std::set<std::string> namesOf(const Names& names) {
 TEST(Docs, everyTopicAndServiceIsDocumentedAndThere) {
   ros::NodeHandle nh;
   for (const auto& name : NODELETS) nh.setParam("/" + name + "/database", "/nowhere/objects.db");
-  for (const std::string name : {"filter", "table", "cluster"})
+  for (const std::string name : {"depth_image", "filter", "table", "cluster"})
     nh.deleteParam("/" + name + "/database");
   nodelet::Loader manager(false);
   for (const auto& name : NODELETS)
