@@ -48,6 +48,9 @@ std::vector<Eigen::Vector3f> pointsAt(const Cloud& cloud, const Indices& indices
 /// The given points as an unorganised cloud, in their order.
 Cloud selectPoints(const Cloud& cloud, const Indices& indices);
 
+/// The same without colours.
+Cloud selectPositions(const Cloud& cloud, const Indices& indices);
+
 /// Every step-th pixel of every step-th row of an organised cloud, without colours.
 Cloud decimated(const Cloud& cloud, int step);
 

@@ -1,8 +1,25 @@
 #include "tabletop_perception/cloud.h"
 
-#include <type_traits>
+#include <algorithm>
 
 namespace tabletop_perception {
+namespace {
+
+/// Calls copy(from, count, to) for each stretch of consecutive indices: most points that are
+/// selected come in rows.
+template <typename Copy>
+void forStretches(const Indices& indices, Copy copy) {
+  for (std::size_t to = 0; to < indices.size();) {
+    std::size_t count = 1;
+    while (to + count < indices.size() &&
+           indices[to + count] == indices[to] + static_cast<int>(count))
+      ++count;
+    copy(static_cast<std::size_t>(indices[to]), count, to);
+    to += count;
+  }
+}
+
+}  // namespace
 
 Cloud::Cloud(int width, int height, bool colored) : width(width), height(height) {
   const auto n = static_cast<std::size_t>(width) * height;
@@ -31,19 +48,26 @@ std::vector<Eigen::Vector3f> pointsAt(const Cloud& cloud, const Indices& indices
   return points;
 }
 
-Cloud selectPoints(const Cloud& cloud, const Indices& indices) {
-  const auto select = [&](const auto& values) {
-    std::decay_t<decltype(values)> selected(indices.size());
-    for (std::size_t i = 0; i < indices.size(); ++i) selected[i] = values[indices[i]];
-    return selected;
-  };
+Cloud selectPositions(const Cloud& cloud, const Indices& indices) {
   Cloud selected;
   selected.width = static_cast<int>(indices.size());
   selected.height = 1;
-  selected.x = select(cloud.x);
-  selected.y = select(cloud.y);
-  selected.z = select(cloud.z);
-  if (cloud.colored()) selected.rgb = select(cloud.rgb);
+  for (auto* values : {&selected.x, &selected.y, &selected.z}) values->resize(indices.size());
+  forStretches(indices, [&](std::size_t from, std::size_t count, std::size_t to) {
+    std::copy_n(&cloud.x[from], count, &selected.x[to]);
+    std::copy_n(&cloud.y[from], count, &selected.y[to]);
+    std::copy_n(&cloud.z[from], count, &selected.z[to]);
+  });
+  return selected;
+}
+
+Cloud selectPoints(const Cloud& cloud, const Indices& indices) {
+  Cloud selected = selectPositions(cloud, indices);
+  if (!cloud.colored()) return selected;
+  selected.rgb.resize(indices.size());
+  forStretches(indices, [&](std::size_t from, std::size_t count, std::size_t to) {
+    std::copy_n(&cloud.rgb[from], count, &selected.rgb[to]);
+  });
   return selected;
 }
 

@@ -50,7 +50,9 @@ struct GappedPoints {
   }
 
   double largestGap() const {
-    return std::sqrt(*std::max_element(squared_gaps.begin(), squared_gaps.end()));
+    using Gaps = Eigen::Map<const Eigen::ArrayXf>;
+    return std::sqrt(
+        Gaps(squared_gaps.data(), static_cast<Eigen::Index>(squared_gaps.size())).maxCoeff());
   }
 };
 
@@ -130,11 +132,12 @@ struct CubeKeyHash {
 
 TABLETOP_SIMD_CLONES
 void cubeKeysOf(const float* x, const float* y, const float* z, std::size_t count,
-                double cubes_per_metre, CubeKey* keys) {
+                float cubes_per_metre, CubeKey* keys) {
   const auto along = [cubes_per_metre](float value) {
-    const double place = std::clamp(value * cubes_per_metre, -1e9, 1e9);
+    const float place = std::clamp(value * cubes_per_metre, -1e9f, 1e9f);
     const int towards_zero = static_cast<int>(place);
-    return static_cast<std::uint32_t>(towards_zero - (place < towards_zero));
+    const bool below = place < static_cast<float>(towards_zero);
+    return static_cast<std::uint32_t>(towards_zero - (below ? 1 : 0));
   };
   for (std::size_t i = 0; i < count; ++i) keys[i] = cubeKey(along(x[i]), along(y[i]), along(z[i]));
 }
@@ -146,8 +149,8 @@ struct Part {
   int next;   ///< part of the same cube; -1: none
 };
 
-/// Points by cubes as large as the tolerance, in each by sets: what is near lies in neighbouring
-/// cubes.
+/// Points by cubes a little larger than the tolerance, for the rounding, in each by sets: what is
+/// near lies in neighbouring cubes.
 struct PartsByCube {
   struct ChainedRun {
     Run run;
@@ -161,8 +164,8 @@ struct PartsByCube {
   PartsByCube(const Cloud& points, const std::vector<Run>& whole_runs, double tolerance,
               UnionFind& sets) {
     std::vector<CubeKey> keys(points.size());
-    cubeKeysOf(points.x.data(), points.y.data(), points.z.data(), points.size(), 1 / tolerance,
-               keys.data());
+    cubeKeysOf(points.x.data(), points.y.data(), points.z.data(), points.size(),
+               static_cast<float>(0.999 / tolerance), keys.data());
     for (int r = 0; r < static_cast<int>(whole_runs.size()); ++r) {
       const int root = sets.root(r);
       for (int begin = whole_runs[r].begin; begin < whole_runs[r].end;) {
@@ -291,7 +294,7 @@ std::vector<Indices> extractClusters(const Cloud& cloud, const ClusterOptions& o
 std::vector<Indices> extractClusters(const Cloud& cloud, const Indices& among,
                                      const ClusterOptions& options) {
   checkOptions("cluster", options);
-  const Cloud points = selectPoints(cloud, among);
+  const Cloud points = selectPositions(cloud, among);
   if (points.empty()) return {};
   auto [runs, sets] = cloud.organized() ? connectedRuns(points, among, cloud.width, options)
                                         : connectedPoints(points, options.tolerance);

@@ -67,7 +67,19 @@ Eigen::Vector2d centroidOfPolygon(const std::vector<Eigen::Vector2d>& polygon) {
 
 ConvexRegion::ConvexRegion(const std::vector<Eigen::Vector2d>& polygon, double margin) {
   if (polygon.empty()) return;
-  const auto sides = sidesOf(polygon, margin);
+  struct Bound {
+    double at_zero, slope;  // x along y
+  };
+  std::vector<Bound> lower, upper;
+  double lowest = -std::numeric_limits<double>::infinity(), highest = -lowest;  // of y
+  for (const auto& [inside, offset] : sidesOf(polygon, margin)) {  // inside * p >= offset
+    if (std::abs(inside.x()) >= 1e-12)
+      (inside.x() > 0 ? lower : upper).push_back({offset / inside.x(), -inside.y() / inside.x()});
+    else if (inside.y() > 0)
+      lowest = std::max(lowest, offset / inside.y());
+    else
+      highest = std::min(highest, offset / inside.y());
+  }
   double low = std::numeric_limits<double>::max(), high = -low;
   for (const auto& p : polygon) {
     low = std::min(low, p.y() - margin);
@@ -80,16 +92,9 @@ ConvexRegion::ConvexRegion(const std::vector<Eigen::Vector2d>& polygon, double m
   for (int i = 0; i < count; ++i) {
     const double y = low + (i + 0.5) * (high - low) / count;
     double from = -std::numeric_limits<float>::max(), to = -from;
-    for (const auto& side : sides) {
-      const double rest = side.offset - side.inside.y() * y;  // inside.x() * x >= rest
-      if (std::abs(side.inside.x()) < 1e-12) {
-        if (rest > 0) to = -std::numeric_limits<float>::max();
-      } else if (side.inside.x() > 0) {
-        from = std::max(from, rest / side.inside.x());
-      } else {
-        to = std::min(to, rest / side.inside.x());
-      }
-    }
+    for (const auto& bound : lower) from = std::max(from, bound.at_zero + bound.slope * y);
+    for (const auto& bound : upper) to = std::min(to, bound.at_zero + bound.slope * y);
+    if (y < lowest || y > highest) to = -std::numeric_limits<float>::max();
     slices_.push_back({static_cast<float>(from), static_cast<float>(to)});
   }
 }

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "range_crop.h"
+#include "simd.h"
 
 namespace tabletop_perception {
 namespace {
@@ -19,6 +20,8 @@ constexpr const char* DATATYPE_NAMES[] = {"nothing", "int8",   "uint8",   "int16
                                           "int32",   "uint32", "float32", "float64"};
 constexpr std::uint64_t MAX_POINTS = 1u << 30;  // indices of points are ints
 constexpr std::uint32_t MAX_RUN = 64;  // points that are read at once: bytes and values stay cached
+constexpr std::size_t READ_AHEAD = 8192;   // fetched before it is read [bytes]
+constexpr std::size_t WRITE_AHEAD = 2048;  // fetched before it is written [bytes]
 
 bool hostIsBigEndian() {
   const std::uint16_t one = 1;
@@ -215,7 +218,13 @@ Cloud unpackCloud(const PackedCloud& packed, double min_range, double max_range)
   const bool cropped = min_range > 0 || std::isfinite(max_range);
   float xs[MAX_RUN], ys[MAX_RUN], zs[MAX_RUN];
   std::uint32_t colors[MAX_RUN];
+  const auto append = [](const auto* from, std::uint32_t count, auto& to) {
+    prefetch<true>(reinterpret_cast<const char*>(to.data() + to.size()) + WRITE_AHEAD,
+                   count * sizeof *from);
+    to.insert(to.end(), from, from + count);
+  };
   visitRuns(packed, [&](const Run& run) {
+    prefetch(bytesOf(packed, 0, run) + READ_AHEAD, std::size_t{run.count} * packed.point_step);
     if (plain) {
       readPlainRun(packed, x.offset, run, xs, ys, zs);
     } else {
@@ -223,15 +232,15 @@ Cloud unpackCloud(const PackedCloud& packed, double min_range, double max_range)
       readFloatRun(packed, y, run, ys);
       readFloatRun(packed, z, run, zs);
     }
-    dropNonFinite(xs, ys, zs, run.count);
+    if (!std::isfinite(max_range)) dropNonFinite(xs, ys, zs, run.count);
     if (cropped) dropOutside(xs, ys, zs, run.count, min_range, max_range);
-    cloud.x.insert(cloud.x.end(), xs, xs + run.count);
-    cloud.y.insert(cloud.y.end(), ys, ys + run.count);
-    cloud.z.insert(cloud.z.end(), zs, zs + run.count);
+    append(xs, run.count, cloud.x);
+    append(ys, run.count, cloud.y);
+    append(zs, run.count, cloud.z);
     if (!color) return;
     readRun<std::uint32_t>(packed, color->offset, run, colors);
     for (auto& rgb : colors) rgb &= 0xFFFFFF;  // the top byte is alpha or padding
-    cloud.rgb.insert(cloud.rgb.end(), colors, colors + run.count);
+    append(colors, run.count, cloud.rgb);
   });
   return cloud;
 }

@@ -17,7 +17,7 @@ namespace {
 
 constexpr int MAX_DRAWS = 2000;
 constexpr double CONFIDENCE = 0.999;  // that one draw had inliers alone
-constexpr int LANES = 16;             // points that a kernel takes at once
+constexpr int LANES = 8;              // points that a kernel takes at once: sums stay in registers
 constexpr std::size_t BLOCK = 4096;   // points summed in single precision before doubles take over
 constexpr std::size_t MARKS = 512;    // that are turned into indices at once
 constexpr std::size_t VALID_BLOCK = 64;  // points among which one of a sample is sought
@@ -124,20 +124,25 @@ struct PaddedPoints {
   }
 };
 
-/// How many of a block's points are valid.
+/// Counts the valid points of each of so many blocks.
 TABLETOP_SIMD_CLONES
-int countValid(const float* x, std::size_t count) {
-  int valid = 0;
-  for (std::size_t i = 0; i < count; ++i) valid += x[i] == x[i];  // false for NaN
-  return valid;
+void countValid(const float* x, std::size_t blocks, int* valid) {
+  for (std::size_t b = 0; b < blocks; ++b) {
+    int count = 0;
+    for (std::size_t i = 0; i < VALID_BLOCK; ++i)
+      count += x[b * VALID_BLOCK + i] == x[b * VALID_BLOCK + i] ? 1 : 0;  // not for NaN
+    valid[b] = count;
+  }
 }
 
-/// Valid points in each block of VALID_BLOCK points.
+/// Valid points in each block of VALID_BLOCK points, the last of which may be shorter.
 std::vector<int> validByBlock(const Cloud& cloud) {
-  std::vector<int> valid;
-  valid.reserve(cloud.size() / VALID_BLOCK + 1);
-  for (std::size_t i = 0; i < cloud.size(); i += VALID_BLOCK)
-    valid.push_back(countValid(&cloud.x[i], std::min(VALID_BLOCK, cloud.size() - i)));
+  const std::size_t whole = cloud.size() / VALID_BLOCK;
+  std::vector<int> valid(whole);
+  countValid(cloud.x.data(), whole, valid.data());
+  int rest = 0;
+  for (std::size_t i = whole * VALID_BLOCK; i < cloud.size(); ++i) rest += cloud.valid(i);
+  valid.push_back(rest);
   return valid;
 }
 
@@ -229,8 +234,11 @@ Cloud samplePoints(const Cloud& cloud, std::size_t size) {
     if (rank >= total) break;
     while (before + valid[block] <= rank) before += valid[block++];
     std::size_t i = block * VALID_BLOCK;
-    for (std::size_t skipped = before; skipped < rank || !cloud.valid(i); ++i)
-      skipped += cloud.valid(i);
+    if (valid[block] == static_cast<int>(VALID_BLOCK))
+      i += rank - before;
+    else
+      for (std::size_t skipped = before; skipped < rank || !cloud.valid(i); ++i)
+        skipped += cloud.valid(i);
     sample.push_back(static_cast<int>(i));
   }
   return selectPoints(cloud, sample);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <random>
@@ -21,10 +23,12 @@ struct PlaneFit {
 };
 
 /// Of how many points of a large cloud one is enough, where all would only take longer.
-inline int shareOf(std::size_t points) { return points > 100000 ? 3 : 1; }
+inline int shareOf(std::size_t points) {
+  return std::clamp(static_cast<int>(points / 50000), 1, 6);
+}
 
 /// The plane of least squared distances of the points within `band` [m] of `near`; none for fewer
-/// than three of them. `share`: only every so manieth group of 16 points is looked at.
+/// than three of them. `share`: only every so manieth group of 8 points is looked at.
 std::optional<PlaneFit> fitPlaneNear(const Cloud& cloud, const Eigen::Vector4d& near, double band,
                                      int share = 1);
 

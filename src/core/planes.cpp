@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <iterator>
 #include <limits>
 #include <random>
 
 #include "plane_fit.h"
+#include "simd.h"
 #include "union_find.h"
 
 namespace tabletop_perception {
@@ -15,55 +18,79 @@ namespace {
 constexpr std::size_t SAMPLE_SIZE = 1000;   // points that RANSAC looks at
 constexpr double AGREEMENT_COSINE = 0.966;  // of 15 deg
 
-/// Tells which points lie on one plane.
-class PlaneComparator {
- public:
-  PlaneComparator(const Cloud& cloud, const Normals& normals, const PlaneOptions& options)
-      : cloud_(cloud),
-        normals_(normals),
-        min_cosine_(static_cast<float>(std::cos(options.max_angle_deg * M_PI / 180))),
-        max_offset_(static_cast<float>(options.max_offset)),
-        max_curvature_(static_cast<float>(options.max_curvature)) {}
+/// What has to hold for two neighbouring points to lie on one plane.
+struct PlaneLimits {
+  float min_cosine, max_offset, max_curvature;
 
-  bool flat(int i) const { return normals_.curvature[i] <= max_curvature_; }  // false for NaN
-
-  /// Offsets are compared at the neighbour, not at the origin: there a normal's noise would count
-  /// with the full distance from the sensor.
-  bool together(int i, int j) const {
-    const Eigen::Vector3f a = normal(i), b = normal(j), d = cloud_.point(j) - cloud_.point(i);
-    return a.dot(b) >= min_cosine_ && std::abs(a.dot(d)) <= max_offset_ &&
-           std::abs(b.dot(d)) <= max_offset_;
-  }
-
- private:
-  Eigen::Vector3f normal(int i) const { return {normals_.x[i], normals_.y[i], normals_.z[i]}; }
-
-  const Cloud& cloud_;
-  const Normals& normals_;
-  float min_cosine_, max_offset_, max_curvature_;
+  explicit PlaneLimits(const PlaneOptions& options)
+      : min_cosine(static_cast<float>(std::cos(options.max_angle_deg * M_PI / 180))),
+        max_offset(static_cast<float>(options.max_offset)),
+        max_curvature(static_cast<float>(options.max_curvature)) {}
 };
 
+/// Points and normals of an organised cloud.
+struct GridPointers {
+  const float *x, *y, *z, *nx, *ny, *nz, *curvature;
+
+  GridPointers(const Cloud& cloud, const Normals& normals, std::size_t from)
+      : x(cloud.x.data() + from),
+        y(cloud.y.data() + from),
+        z(cloud.z.data() + from),
+        nx(normals.x.data() + from),
+        ny(normals.y.data() + from),
+        nz(normals.z.data() + from),
+        curvature(normals.curvature.data() + from) {}
+};
+
+/// Marks the pixels that lie on one plane with their neighbours. Offsets are
+/// compared at the neighbour, not at the origin: there a normal's noise would count with the full
+/// distance from the sensor.
+TABLETOP_SIMD_CLONES
+void markTogether(const GridPointers& pixels, const GridPointers& neighbors, std::size_t count,
+                  const PlaneLimits& limits, std::uint8_t* __restrict marks) {
+  const GridPointers a = pixels, b = neighbors;
+  const auto [min_cosine, max_offset, max_curvature] = limits;
+  for (std::size_t i = 0; i < count; ++i) {
+    const float dx = b.x[i] - a.x[i], dy = b.y[i] - a.y[i], dz = b.z[i] - a.z[i];
+    const float cosine = a.nx[i] * b.nx[i] + a.ny[i] * b.ny[i] + a.nz[i] * b.nz[i];
+    const float from_a = a.nx[i] * dx + a.ny[i] * dy + a.nz[i] * dz;
+    const float from_b = b.nx[i] * dx + b.ny[i] * dy + b.nz[i] * dz;
+    marks[i] = (a.curvature[i] <= max_curvature) & (b.curvature[i] <= max_curvature) &
+               (cosine >= min_cosine) & (std::abs(from_a) <= max_offset) &
+               (std::abs(from_b) <= max_offset);  // false for NaN
+  }
+}
+
 /// The connected components of flat pixels, each ascending, in the order of their first pixel.
-std::vector<Indices> componentsOf(const Cloud& cloud, const PlaneComparator& compare) {
+std::vector<Indices> componentsOf(const Cloud& cloud, const Normals& normals,
+                                  const PlaneOptions& options) {
+  const PlaneLimits limits(options);
   UnionFind sets(cloud.size());
-  const auto joinIf = [&](int i, int j) {
-    if (compare.flat(j) && compare.together(i, j)) sets.join(i, j);
+  const auto width = static_cast<std::size_t>(cloud.width);
+  std::vector<std::uint8_t> marks(width);
+  // Joins the pixels of a row from `column` on, as far as they lie on a plane with their
+  // neighbours.
+  const auto join = [&](std::size_t row, std::size_t column, std::ptrdiff_t to_neighbor,
+                        std::size_t count) {
+    const std::size_t first = row * width + column;
+    const std::size_t neighbor = first + static_cast<std::size_t>(to_neighbor);
+    markTogether({cloud, normals, first}, {cloud, normals, neighbor}, count, limits, marks.data());
+    for (std::size_t i = 0; i < count; ++i)
+      if (marks[i]) sets.join(static_cast<int>(first + i), static_cast<int>(neighbor + i));
   };
-  for (int row = 0; row < cloud.height; ++row)
-    for (int column = 0; column < cloud.width; ++column) {
-      const int i = row * cloud.width + column;
-      if (!compare.flat(i)) continue;
-      if (column > 0) joinIf(i, i - 1);
-      if (row == 0) continue;
-      joinIf(i, i - cloud.width);
-      if (column > 0) joinIf(i, i - cloud.width - 1);
-      if (column + 1 < cloud.width) joinIf(i, i - cloud.width + 1);
-    }
+  const auto up = -static_cast<std::ptrdiff_t>(width);
+  for (std::size_t row = 0; row < static_cast<std::size_t>(cloud.height); ++row) {
+    join(row, 1, -1, width - 1);
+    if (row == 0) continue;
+    join(row, 0, up, width);
+    join(row, 1, up - 1, width - 1);
+    join(row, 0, up + 1, width - 1);
+  }
 
   std::vector<Indices> components;
   std::vector<int> component_of(cloud.size(), -1);
   for (int i = 0; i < static_cast<int>(cloud.size()); ++i) {
-    if (!compare.flat(i)) continue;
+    if (!(normals.curvature[i] <= limits.max_curvature)) continue;
     int& component = component_of[sets.root(i)];
     if (component < 0) {
       component = static_cast<int>(components.size());
@@ -101,7 +128,7 @@ std::vector<Plane> findPlanes(const Cloud& cloud, const Normals& normals,
   checkOptions("planes", options);
   if (!cloud.organized()) return {};
   std::vector<Plane> planes;
-  for (const auto& points : componentsOf(cloud, PlaneComparator(cloud, normals, options))) {
+  for (const auto& points : componentsOf(cloud, normals, options)) {
     if (static_cast<int>(points.size()) < options.min_points) continue;
     Plane plane = planeThrough(cloud, points, meanNormal(normals, points));
     const double agreement = normalAgreement(normals, plane.points, plane.plane.head<3>());

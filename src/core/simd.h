@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 
@@ -24,6 +25,15 @@ inline float nanUnless(bool condition, float value) {
   bits = (bits & mask) | (QUIET_NAN & ~mask);
   std::memcpy(&value, &bits, sizeof bits);
   return value;
+}
+
+/// Has memory fetched that a pass comes to soon, which processors do by themselves only up to the
+/// next page. Any address will do. `for_writing`: what is there will be changed.
+template <bool for_writing = false>
+inline void prefetch(const void* begin, std::size_t bytes) {
+  constexpr std::size_t CACHE_LINE = 64;
+  const auto* at = static_cast<const char*>(begin);
+  for (std::size_t i = 0; i < bytes; i += CACHE_LINE) __builtin_prefetch(at + i, for_writing, 2);
 }
 
 }  // namespace tabletop_perception

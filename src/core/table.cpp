@@ -22,7 +22,7 @@ namespace {
 
 constexpr int SAMPLE_SIZE = 1000;          // points that a plane is fitted to at first
 constexpr int NORMAL_SAMPLE_SIZE = 1500;   // points of an unorganised cloud that have normals
-constexpr int COARSE_COLUMNS = 128;        // of the grid on which planes are connected
+constexpr int COARSE_COLUMNS = 107;        // of the grid on which planes are connected
 constexpr double LEVEL_COSINE = 0.996;     // of 5 deg: pieces of one level tilt alike
 constexpr double COARSE_TILT_DEG = 2;      // of a plane on that grid from that of all points [deg]
 constexpr double MAX_SHARED = 0.25;        // of a table's points with one before it
@@ -36,6 +36,7 @@ constexpr double EDGE_REACH = 0.01;        // how far outside the hull a board's
 constexpr double SIDE_CELL = 0.02;         // raster in which a thing's sides are looked for [m]
 constexpr double SIDE_REACH = 0.03;        // how far from the outline of its top they may lie [m]
 constexpr double MIN_SIDE_SHARE = 0.3;     // of the outline with sides below: the top of a thing
+constexpr std::size_t FORWARD_STEP = 7;    // every so manieth point tells where the camera looks
 constexpr std::size_t CARRIED_STEP = 7;    // every so manieth point tells whether a table is bare
 
 /// Every few pixels of an organised cloud, about COARSE_COLUMNS in a row.
@@ -46,7 +47,7 @@ Cloud coarseGridOf(const Cloud& cloud) {
 /// Mean viewing ray of a cloud: forward, whatever the camera's convention.
 Eigen::Vector3d forwardOf(const Cloud& sample) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (std::size_t i = 0; i < sample.size(); ++i)
+  for (std::size_t i = 0; i < sample.size(); i += FORWARD_STEP)
     if (sample.valid(i)) sum += sample.point(i).cast<double>().normalized();
   return sum.norm() > 0 ? Eigen::Vector3d(sum.normalized()) : Eigen::Vector3d::UnitZ();
 }

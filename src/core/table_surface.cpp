@@ -2,21 +2,18 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <vector>
-
-#include <opencv2/imgproc.hpp>
 
 #include "convex_hull.h"
 #include "plane_fit.h"
 #include "plane_raster.h"
+#include "union_find.h"
 
 namespace tabletop_perception {
 namespace {
 
 constexpr double PATCH_CELL = 0.02;       // raster in which a patch of table is connected [m]
-constexpr int PATCH_GAP = 2;              // cells without points that a patch may span
 constexpr double MIN_PATCH_SHARE = 0.05;  // of the largest patch: smaller ones are chance
 constexpr int MAX_CELLS = 2000;           // along one side of the raster
 constexpr double VIEW_EDGE = 0.03;        // strip along the edge of a picture, share of its width
@@ -37,57 +34,73 @@ Eigen::Isometry3d frameOnPlane(const Eigen::Vector4d& plane, const Eigen::Vector
   return T_camera_plane;
 }
 
-/// What the points in a cell of the raster are. PATCH is 1, as marks are: once strays are decided,
-/// kinds are marks.
-enum CellKind : std::uint8_t { NO_POINTS = 0, PATCH = 1, STRAY = 2 };
+/// Which cells of the raster belong to a patch of the table: objects and their shadows cut one
+/// table into several, while a plane also meets, by chance, a few points of other things.
+std::vector<std::uint8_t> patchesOf(const PlaneRaster& raster) {
+  const std::vector<int> points = raster.pointsByCell();
+  const int columns = raster.columns(), size = static_cast<int>(points.size());
+  const auto inBorder = [&](int cell) {
+    return cell < columns || cell >= size - columns || cell % columns == 0 ||
+           cell % columns == columns - 1;
+  };
+  std::vector<std::uint8_t> grown(points.size(), false);  // over the gaps that a patch may have
+  for (int cell = 0; cell < size; ++cell)
+    if (points[cell] > 0)
+      for (const int row : {-columns, 0, columns})
+        for (const int column : {-1, 0, 1}) grown[cell + row + column] = true;
 
-/// The kind of each cell, by a share of the points. The table's points are those of its connected
-/// patches, as objects and their shadows cut one table into several; a plane also meets, by chance,
-/// a few points of other things.
-std::vector<CellKind> kindsOf(const PlaneRaster& raster) {
-  const std::vector<int> points = pointsByCell(raster, shareOf(raster.cell.size()));
-  cv::Mat1b occupied(raster.rows, raster.columns);
-  std::transform(points.begin(), points.end(), occupied.begin(),
-                 [](int count) { return static_cast<std::uint8_t>(count > 0); });
-  cv::dilate(occupied, occupied, cv::Mat1b::ones(PATCH_GAP + 1, PATCH_GAP + 1));
-  cv::Mat1i patches;
-  std::vector<int> sizes(cv::connectedComponents(occupied, patches, 8, CV_32S));
-  for (std::size_t cell = 0; cell < points.size(); ++cell)
-    sizes[patches(static_cast<int>(cell))] += points[cell];
-  const double least = MIN_PATCH_SHARE * *std::max_element(sizes.begin(), sizes.end());
-  std::vector<CellKind> kinds(points.size(), STRAY);  // also where the share has no point
-  for (std::size_t cell = 0; cell < points.size(); ++cell)
-    if (points[cell] > 0 && sizes[patches(static_cast<int>(cell))] >= least) kinds[cell] = PATCH;
-  kinds[0] = NO_POINTS;
-  return kinds;
-}
-
-/// The kind of each point's cell.
-void lookUp(const int* cell, std::size_t count, const CellKind* kinds, std::uint8_t* kind) {
-  for (std::size_t i = 0; i < count; ++i) kind[i] = kinds[cell[i]];
-}
-
-/// The first value of that kind from `begin` on; null if there is none.
-std::uint8_t* nextOf(CellKind kind, std::uint8_t* begin, std::vector<std::uint8_t>& values) {
-  const auto left = static_cast<std::size_t>(values.data() + values.size() - begin);
-  return static_cast<std::uint8_t*>(std::memchr(begin, kind, left));
-}
-
-/// The first and the last point of a patch in each row of an organised cloud; of an unorganised
-/// cloud all of them. A row of pixels is a line on the plane, so no other point can be a corner of
-/// the hull.
-Indices outlineOf(const Cloud& cloud, const PlaneRaster& raster,
-                  const std::vector<CellKind>& kinds) {
-  const int length = cloud.organized() ? cloud.width : 1;
-  Indices outline;
-  for (int begin = 0; begin < static_cast<int>(cloud.size()); begin += length) {
-    int first = begin, last = begin + length - 1;
-    while (first <= last && kinds[raster.cell[first]] != PATCH) ++first;
-    while (last > first && kinds[raster.cell[last]] != PATCH) --last;
-    if (first <= last) outline.push_back(first);
-    if (first < last) outline.push_back(last);
+  UnionFind patches(points.size());
+  for (int cell = 0; cell < size; ++cell) {
+    if (!grown[cell] || inBorder(cell)) continue;
+    for (const int other : {cell - 1, cell - columns - 1, cell - columns, cell - columns + 1})
+      if (grown[other] && !inBorder(other)) patches.join(cell, other);
   }
-  return outline;
+  std::vector<int> sizes(points.size(), 0);  // by root
+  for (int cell = 0; cell < size; ++cell) sizes[patches.root(cell)] += points[cell];
+  const double least =
+      std::max(1.0, MIN_PATCH_SHARE * *std::max_element(sizes.begin(), sizes.end()));
+  std::vector<std::uint8_t> in_patch(points.size());
+  for (int cell = 0; cell < size; ++cell) in_patch[cell] = sizes[patches.root(cell)] >= least;
+  return in_patch;
+}
+
+/// From the first to the last point of a patch in each row of an organised cloud; of an unorganised
+/// cloud each one by itself. No other point can be a corner of the hull.
+std::vector<Stretch> patchStretches(const PlaneRaster& raster) {
+  const std::vector<std::uint8_t> in_patch = patchesOf(raster);
+  std::vector<Stretch> stretches;
+  for (auto [first, last] : raster.nearStretches()) {
+    while (first <= last && !in_patch[raster.cellOf(first)]) ++first;
+    while (last > first && !in_patch[raster.cellOf(last)]) --last;
+    if (first <= last) stretches.push_back({first, last});
+  }
+  return stretches;
+}
+
+/// The points within `distance` of a table, in or at its hull. Of those in a stretch, between
+/// points of patches, that need not be asked.
+Indices pointsOfTable(const Cloud& cloud, const std::vector<Stretch>& stretches, const Table& table,
+                      double distance) {
+  const Flattener flatten(table.T_camera_table);
+  const ConvexRegion region(table.hull, HULL_SLACK);
+  Indices points = pointsNearPlane(cloud, table.plane, distance);
+  auto kept = points.begin(), next = points.begin();
+  const auto keepWithinHull = [&](int end) {
+    for (; next != points.end() && *next < end; ++next) {
+      const Eigen::Vector2f p = flatten(cloud, *next);
+      if (region.contains(p.x(), p.y())) *kept++ = *next;
+    }
+  };
+  for (const auto& [first, last] : stretches) {
+    keepWithinHull(first);
+    const auto most = std::min<std::ptrdiff_t>(points.end() - next, last - first + 1);
+    const auto end = std::upper_bound(next, next + most, last);
+    kept = std::copy(next, end, kept);
+    next = end;
+  }
+  keepWithinHull(static_cast<int>(cloud.size()));
+  points.erase(kept, points.end());
+  return points;
 }
 
 /// Whether two pixels lie at the same edge of the picture.
@@ -123,23 +136,17 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Cloud& sample, const Eigen::
   table.plane = fit->plane;
   table.rms = fit->rms;
   table.T_camera_table = frameOnPlane(table.plane, forward);
-  const PlaneRaster raster =
-      rasterOver(cloud, table.T_camera_table, options.distance, PATCH_CELL, MAX_CELLS);
-  const auto kinds = kindsOf(raster);
+  const auto stretches = patchStretches(
+      PlaneRaster(cloud, table.T_camera_table, options.distance, PATCH_CELL, MAX_CELLS));
   const Flattener flatten(table.T_camera_table);
   std::vector<Eigen::Vector2f> outline;
-  for (const int i : outlineOf(cloud, raster, kinds)) outline.push_back(flatten(cloud, i));
+  for (const auto& [first, last] : stretches) {
+    outline.push_back(flatten(cloud, first));
+    if (last > first) outline.push_back(flatten(cloud, last));
+  }
   table.hull = convexHullOf(outline);
   if (table.hull.empty()) return Found<Table>::none("a plane whose points lie on one line");
-
-  std::vector<std::uint8_t> on_table(cloud.size());
-  lookUp(raster.cell.data(), cloud.size(), kinds.data(), on_table.data());
-  const ConvexRegion region(table.hull, HULL_SLACK);
-  for (auto* stray = on_table.data(); (stray = nextOf(STRAY, stray, on_table)) != nullptr;) {
-    const Eigen::Vector2f p = flatten(cloud, static_cast<std::size_t>(stray - on_table.data()));
-    *stray = region.contains(p.x(), p.y());
-  }
-  table.inliers = indicesOf(on_table);
+  table.inliers = pointsOfTable(cloud, stretches, table, options.distance);
   const Eigen::Vector2d center = centroidOfPolygon(table.hull);
   for (auto& corner : table.hull) corner -= center;
   table.T_camera_table.translate(Eigen::Vector3d(center.x(), center.y(), 0));

@@ -19,6 +19,7 @@ class UnionFind {
   }
 
   void join(int a, int b) {
+    if (parent_[a] == parent_[b]) return;
     a = root(a);
     b = root(b);
     if (a < b) parent_[b] = a;

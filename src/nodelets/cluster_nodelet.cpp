@@ -1,5 +1,7 @@
+#include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "cloud_message.h"
 #include "conversions.h"
 #include "stage_nodelet.h"
 #include "tabletop_perception/ClusterConfig.h"
@@ -17,7 +19,7 @@ class ClusterNodelet : public StageNodelet {
     serveOptions<ClusterConfig>(getPrivateNodeHandle(), options_.cluster);
     serveOptions<SplitConfig>(ros::NodeHandle(getNodeHandle(), "split"), options_.split);
     serveOptions<ColorConfig>(ros::NodeHandle(getNodeHandle(), "color"), options_.color);
-    clusters_pub_ = advertise<sensor_msgs::PointCloud2>("clusters");
+    clusters_pub_ = advertise<CloudMessage>("clusters");
   }
 
   void subscribe() override {
@@ -27,14 +29,14 @@ class ClusterNodelet : public StageNodelet {
 
   void unsubscribe() override { input_sub_.shutdown(); }
 
-  void onCloud(const sensor_msgs::PointCloud2ConstPtr& message) {
+  void onCloud(const CloudMessageConstPtr& message) {
     attempt([&] {
-      const Cloud cloud = cloudFromMessage(*message);
+      const auto [cloud, standing] = message->points();
       const auto parts =
-          splitClusters(cloud, extractClusters(cloud, options_.cluster), options_.split);
+          splitClusters(cloud, extractClusters(cloud, standing, options_.cluster), options_.split);
       const auto clusters = colorCorrected(cloud, parts, options_.color);
-      const auto labels = labelsOf(cloud.size(), {}, clusters);
-      clusters_pub_.publish(messageFromCloud(cloud, message->header, &labels));
+      clusters_pub_.publish(
+          boost::make_shared<CloudMessage>(*message, labelsOf(cloud.size(), {}, clusters)));
     });
   }
 

@@ -21,21 +21,14 @@ void addField(sensor_msgs::PointCloud2& message, const std::string& name, std::u
   message.point_step += 4;
 }
 
-/// Appends columns of 4-byte values, one of each per point, side by side. In blocks: bytes that are
-/// made room for are cleared first, those that are appended are not.
+/// Columns of 4-byte values, one of each per point, side by side.
 template <std::size_t COUNT>
-void appendPoints(const std::array<const void*, COUNT>& columns, std::size_t points,
-                  std::vector<std::uint8_t>& data) {
-  constexpr std::size_t WIDTH = 4, BLOCK = 256;
-  data.reserve(points * COUNT * WIDTH);
-  std::uint8_t block[BLOCK * COUNT * WIDTH];
-  for (std::size_t begin = 0; begin < points; begin += BLOCK) {
-    std::uint8_t* to = block;
-    for (std::size_t i = begin; i < std::min(points, begin + BLOCK); ++i)
-      for (std::size_t k = 0; k < COUNT; ++k, to += WIDTH)
-        std::memcpy(to, static_cast<const std::uint8_t*>(columns[k]) + WIDTH * i, WIDTH);
-    data.insert(data.end(), block, to);
-  }
+void packColumns(const std::array<const void*, COUNT>& columns, std::size_t points,
+                 std::uint8_t* to) {
+  constexpr std::size_t WIDTH = 4;
+  for (std::size_t i = 0; i < points; ++i)
+    for (std::size_t k = 0; k < COUNT; ++k, to += WIDTH)
+      std::memcpy(to, static_cast<const std::uint8_t*>(columns[k]) + WIDTH * i, WIDTH);
 }
 
 TableMessage filledMessage(const Table& table, const std::string& reason,
@@ -76,29 +69,39 @@ std::vector<std::uint32_t> labelsFromMessage(const sensor_msgs::PointCloud2& mes
   return unpackLabels(packedView(message));
 }
 
-sensor_msgs::PointCloud2Ptr messageFromCloud(const Cloud& cloud, const std_msgs::Header& header,
-                                             const std::vector<std::uint32_t>* labels) {
+sensor_msgs::PointCloud2 layoutOf(const Cloud& cloud, const std_msgs::Header& header,
+                                  bool labelled) {
   using sensor_msgs::PointField;
-  auto message = boost::make_shared<sensor_msgs::PointCloud2>();
-  message->header = header;
-  message->width = cloud.width;
-  message->height = cloud.height;
-  message->is_dense = false;
-
-  for (const char* axis : {"x", "y", "z"}) addField(*message, axis, PointField::FLOAT32);
+  sensor_msgs::PointCloud2 message;
+  message.header = header;
+  message.width = cloud.width;
+  message.height = cloud.height;
+  message.is_dense = false;
+  for (const char* axis : {"x", "y", "z"}) addField(message, axis, PointField::FLOAT32);
   // The bits of a colour are declared as a float: what PCL and rviz expect.
-  if (cloud.colored()) addField(*message, "rgb", PointField::FLOAT32);
-  if (labels) addField(*message, "label", PointField::UINT32);
+  if (cloud.colored()) addField(message, "rgb", PointField::FLOAT32);
+  if (labelled) addField(message, "label", PointField::UINT32);
+  message.row_step = message.point_step * message.width;
+  return message;
+}
 
-  message->row_step = message->point_step * message->width;
+void packPoints(const Cloud& cloud, const std::vector<std::uint32_t>* labels, std::uint8_t* to) {
   const void *x = cloud.x.data(), *y = cloud.y.data(), *z = cloud.z.data();
   const void *rgb = cloud.rgb.data(), *label = labels ? labels->data() : nullptr;
   if (cloud.colored() && labels)
-    appendPoints<5>({x, y, z, rgb, label}, cloud.size(), message->data);
+    packColumns<5>({x, y, z, rgb, label}, cloud.size(), to);
   else if (cloud.colored() || labels)
-    appendPoints<4>({x, y, z, labels ? label : rgb}, cloud.size(), message->data);
+    packColumns<4>({x, y, z, labels ? label : rgb}, cloud.size(), to);
   else
-    appendPoints<3>({x, y, z}, cloud.size(), message->data);
+    packColumns<3>({x, y, z}, cloud.size(), to);
+}
+
+sensor_msgs::PointCloud2Ptr messageFromCloud(const Cloud& cloud, const std_msgs::Header& header,
+                                             const std::vector<std::uint32_t>* labels) {
+  auto message =
+      boost::make_shared<sensor_msgs::PointCloud2>(layoutOf(cloud, header, labels != nullptr));
+  message->data.resize(std::size_t{message->row_step} * message->height);
+  packPoints(cloud, labels, message->data.data());
   return message;
 }
 

@@ -34,8 +34,15 @@ Cloud cloudFromMessage(const sensor_msgs::PointCloud2& message);
 /// The `label` field of a message, one per point; throws std::invalid_argument without one.
 std::vector<std::uint32_t> labelsFromMessage(const sensor_msgs::PointCloud2& message);
 
-/// A cloud as fields x, y, z, rgb (where it has colour) and label (where there are labels, one per
-/// point), width and height as in the cloud.
+/// The message of a cloud without its data: fields x, y, z, rgb (where it has colour) and label
+/// (where there are labels), width and height as in the cloud.
+sensor_msgs::PointCloud2 layoutOf(const Cloud& cloud, const std_msgs::Header& header,
+                                  bool labelled);
+
+/// The data of that message, row_step x height bytes. `labels`: one per point; null: none.
+void packPoints(const Cloud& cloud, const std::vector<std::uint32_t>* labels, std::uint8_t* to);
+
+/// The whole message. `labels`: one per point; null: none.
 sensor_msgs::PointCloud2Ptr messageFromCloud(const Cloud& cloud, const std_msgs::Header& header,
                                              const std::vector<std::uint32_t>* labels = nullptr);
 

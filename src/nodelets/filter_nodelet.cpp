@@ -2,9 +2,11 @@
 #include <chrono>
 #include <vector>
 
+#include <boost/make_shared.hpp>
 #include <boost/weak_ptr.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "cloud_message.h"
 #include "conversions.h"
 #include "stage_nodelet.h"
 #include "tabletop_perception/FilterConfig.h"
@@ -20,7 +22,7 @@ namespace tabletop_perception {
 class FilterNodelet : public StageNodelet {
   void start() override {
     serveOptions<FilterConfig>(getPrivateNodeHandle(), options_);
-    cloud_pub_ = advertise<sensor_msgs::PointCloud2>("cloud");
+    cloud_pub_ = advertise<CloudMessage>("cloud");
   }
 
   void subscribe() override {
@@ -32,8 +34,8 @@ class FilterNodelet : public StageNodelet {
   void onCloud(const sensor_msgs::PointCloud2ConstPtr& message) {
     if (busy()) return;
     attempt([&] {
-      const Cloud cloud = filterCloud(packedView(*message), options_);
-      const auto filtered = messageFromCloud(cloud, message->header);
+      const auto filtered = boost::make_shared<CloudMessage>(
+          message->header, filterCloud(packedView(*message), options_));
       frames_.push_back({filtered, Clock::now()});
       cloud_pub_.publish(filtered);
     });
@@ -49,7 +51,7 @@ class FilterNodelet : public StageNodelet {
 
   using Clock = std::chrono::steady_clock;
   struct Frame {
-    boost::weak_ptr<const sensor_msgs::PointCloud2> cloud;
+    boost::weak_ptr<const CloudMessage> cloud;
     Clock::time_point start;
   };
   static constexpr std::size_t MAX_FRAMES = 2;       ///< one is refined while the next is matched

@@ -6,6 +6,7 @@
 #include <message_filters/synchronizer.h>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "cloud_message.h"
 #include "conversions.h"
 #include "marker_messages.h"
 #include "model_source.h"
@@ -43,10 +44,9 @@ class MarkersNodelet : public StageNodelet {
   }
 
   void onFrame(const RecognizedObjectArrayConstPtr& objects, const TableArrayConstPtr& tables,
-               const sensor_msgs::PointCloud2ConstPtr& clusters) {
+               const CloudMessageConstPtr& clusters) {
     attempt([&] {
-      const Cloud things =
-          coloredThings(cloudFromMessage(*clusters), labelsFromMessage(*clusters), *objects);
+      const Cloud things = coloredThings(clusters->cloud(), clusters->labels(), *objects);
       const Cloud models = modelsAtPoses(*objects, models_->update());
       markers_pub_.publish(sceneMarkers(*objects, *tables, options_));
       things_pub_.publish(messageFromCloud(things, objects->header));
@@ -54,15 +54,15 @@ class MarkersNodelet : public StageNodelet {
     });
   }
 
-  using Policy = message_filters::sync_policies::ExactTime<RecognizedObjectArray, TableArray,
-                                                           sensor_msgs::PointCloud2>;
+  using Policy =
+      message_filters::sync_policies::ExactTime<RecognizedObjectArray, TableArray, CloudMessage>;
 
   MarkerOptions options_;
   std::optional<ModelSource> models_;
   ros::Publisher markers_pub_, things_pub_, models_pub_;
   message_filters::Subscriber<RecognizedObjectArray> objects_sub_;
   message_filters::Subscriber<TableArray> tables_sub_;
-  message_filters::Subscriber<sensor_msgs::PointCloud2> clusters_sub_;
+  message_filters::Subscriber<CloudMessage> clusters_sub_;
   message_filters::Synchronizer<Policy> sync_{Policy(SYNC_QUEUE), objects_sub_, tables_sub_,
                                               clusters_sub_};
 };

@@ -7,6 +7,7 @@
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "cloud_message.h"
 #include "conversions.h"
 #include "model_source.h"
 #include "stage_nodelet.h"
@@ -27,7 +28,7 @@ class MatchNodelet : public StageNodelet {
     serveOptions<MatchConfig>(getPrivateNodeHandle(), options_);
     sync_.registerCallback(&MatchNodelet::onClusters, this);
     candidates_pub_ = advertise<CandidateArray>("candidates");
-    clusters_pub_ = advertise<sensor_msgs::PointCloud2>("clusters");
+    clusters_pub_ = advertise<CloudMessage>("clusters");
   }
 
   void subscribe() override {
@@ -43,11 +44,11 @@ class MatchNodelet : public StageNodelet {
     input_sub_.unsubscribe();
   }
 
-  void onClusters(const sensor_msgs::PointCloud2ConstPtr& message, const TableArrayConstPtr& tables,
-                  const sensor_msgs::PointCloud2ConstPtr& scene_message) {
+  void onClusters(const CloudMessageConstPtr& message, const TableArrayConstPtr& tables,
+                  const CloudMessageConstPtr& scene_message) {
     attempt([&] {
-      const Cloud scene = cloudFromMessage(*scene_message);
-      const auto clusters = clustersOf(labelsFromMessage(*message));
+      const Cloud& scene = scene_message->cloud();
+      const auto clusters = clustersOf(message->labels());
       const ModelIndex& index = models_->update();
 
       auto candidates = boost::make_shared<CandidateArray>();
@@ -65,11 +66,10 @@ class MatchNodelet : public StageNodelet {
   MatchOptions options_;
   std::optional<ModelSource> models_;
   ros::Publisher candidates_pub_, clusters_pub_;
-  using Policy = message_filters::sync_policies::ExactTime<sensor_msgs::PointCloud2, TableArray,
-                                                           sensor_msgs::PointCloud2>;
-  message_filters::Subscriber<sensor_msgs::PointCloud2> input_sub_;
+  using Policy = message_filters::sync_policies::ExactTime<CloudMessage, TableArray, CloudMessage>;
+  message_filters::Subscriber<CloudMessage> input_sub_;
   message_filters::Subscriber<TableArray> tables_sub_;
-  message_filters::Subscriber<sensor_msgs::PointCloud2> cloud_sub_;
+  message_filters::Subscriber<CloudMessage> cloud_sub_;
   message_filters::Synchronizer<Policy> sync_{Policy(SYNC_QUEUE), input_sub_, tables_sub_,
                                               cloud_sub_};
 };

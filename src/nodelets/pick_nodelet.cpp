@@ -22,6 +22,7 @@
 #include <tf2_ros/transform_listener.h>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "cloud_message.h"
 #include "conversions.h"
 #include "marker_messages.h"
 #include "model_source.h"
@@ -189,7 +190,7 @@ class PickNodelet : public StageNodelet {
       finish(late, refusal(late.point.header, "no cloud came in time: " + inputsReport()));
   }
 
-  void onFrame(const sensor_msgs::PointCloud2ConstPtr& cloud, const TableArrayConstPtr& tables) {
+  void onFrame(const CloudMessageConstPtr& cloud, const TableArrayConstPtr& tables) {
     for (const auto& request : take([](const Request&) { return true; })) try {
         finish(request, pick(request, *cloud, *tables));
       } catch (const std::exception& error) {
@@ -274,11 +275,10 @@ class PickNodelet : public StageNodelet {
 
   // --- the work
 
-  Answer pick(const Request& request, const sensor_msgs::PointCloud2& message,
-              const TableArray& tables) {
+  Answer pick(const Request& request, const CloudMessage& message, const TableArray& tables) {
     const PipelineOptions options = currentOptions();
     if (tables.tables.empty()) return refusal(message.header, "no table: " + tables.reason);
-    const Cloud cloud = cloudFromMessage(message);
+    const Cloud& cloud = message.cloud();
     const auto point = request.pixel ? pointOfPixel(request, cloud, message.header, options)
                                      : pointInCloud(request.point, message.header);
     if (!point) return refusal(message.header, point.reason);
@@ -383,7 +383,7 @@ class PickNodelet : public StageNodelet {
     }
   }
 
-  using Policy = message_filters::sync_policies::ExactTime<sensor_msgs::PointCloud2, TableArray>;
+  using Policy = message_filters::sync_policies::ExactTime<CloudMessage, TableArray>;
   static constexpr double MAX_AGE = 10;  ///< of a point: the length of tf's memory [s]
   static constexpr std::chrono::milliseconds TF_WAIT{300};
   static constexpr int SERVICE_THREADS = 4;
@@ -405,7 +405,7 @@ class PickNodelet : public StageNodelet {
   ros::Publisher picked_pub_, markers_pub_, model_pub_, grasps_pub_;
   ros::Subscriber point_sub_, pixel_sub_, info_sub_;
   ros::WallTimer timer_;
-  message_filters::Subscriber<sensor_msgs::PointCloud2> cloud_sub_;
+  message_filters::Subscriber<CloudMessage> cloud_sub_;
   message_filters::Subscriber<TableArray> tables_sub_;
   message_filters::Synchronizer<Policy> sync_{Policy(SYNC_QUEUE), cloud_sub_, tables_sub_};
 

@@ -19,6 +19,7 @@
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "cloud_message.h"
 #include "conversions.h"
 #include "model_source.h"
 #include "stage_nodelet.h"
@@ -36,10 +37,10 @@ using Clock = std::chrono::steady_clock;
 
 /// Why a frame has no object, or none with a name; empty if neither is to be said.
 std::string frameReason(const TableArray& tables, const CandidateArray& candidates,
-                        const sensor_msgs::PointCloud2& clusters) {
+                        const CloudMessage& clusters) {
   if (!tables.reason.empty()) return tables.reason;
   if (!candidates.clusters.empty()) return candidates.reason;
-  const auto standing = validIndices(cloudFromMessage(clusters)).size();
+  const auto standing = validIndices(clusters.cloud()).size();
   return standing == 0 ? "nothing stands on the table"
                        : "none of the groups of the " + std::to_string(standing) +
                              " points on the table is large enough for an object";
@@ -118,9 +119,9 @@ class RefineNodelet : public StageNodelet {
 
   bool wantedAnyway() override { return publish_tf_ || calls_ > 0; }
 
-  void onFrame(const CandidateArrayConstPtr& candidates,
-               const sensor_msgs::PointCloud2ConstPtr& clusters, const TableArrayConstPtr& tables,
-               const ros::MessageEvent<const sensor_msgs::PointCloud2>& cloud) {
+  void onFrame(const CandidateArrayConstPtr& candidates, const CloudMessageConstPtr& clusters,
+               const TableArrayConstPtr& tables,
+               const ros::MessageEvent<const CloudMessage>& cloud) {
     attempt([&] {
       const ModelIndex& index = models_->update();
       const auto standing_on = tablesFromMessage(*tables);
@@ -147,12 +148,12 @@ class RefineNodelet : public StageNodelet {
     });
   }
 
-  std::vector<SceneObject> decideScene(const sensor_msgs::PointCloud2& cloud_message,
-                                       const sensor_msgs::PointCloud2& clusters_message,
+  std::vector<SceneObject> decideScene(const CloudMessage& cloud_message,
+                                       const CloudMessage& clusters_message,
                                        const CandidateArray& candidates,
                                        const std::vector<Table>& tables, const ModelIndex& index) {
-    const Cloud scene = cloudFromMessage(cloud_message);
-    const auto labels = labelsFromMessage(clusters_message);
+    const Cloud& scene = cloud_message.cloud();
+    const auto& labels = clusters_message.labels();
     if (labels.size() != scene.size())
       throw std::invalid_argument("clusters of " + std::to_string(labels.size()) +
                                   " points do not belong to a cloud of " +
@@ -296,8 +297,8 @@ class RefineNodelet : public StageNodelet {
     return objects;
   }
 
-  using Policy = message_filters::sync_policies::ExactTime<CandidateArray, sensor_msgs::PointCloud2,
-                                                           TableArray, sensor_msgs::PointCloud2>;
+  using Policy = message_filters::sync_policies::ExactTime<CandidateArray, CloudMessage, TableArray,
+                                                           CloudMessage>;
   static constexpr int SERVICE_THREADS = 4;  ///< calls that wait at the same time
   static constexpr std::chrono::seconds DEFAULT_TIMEOUT{5};
 
@@ -311,9 +312,9 @@ class RefineNodelet : public StageNodelet {
   tf2_ros::TransformBroadcaster tf_broadcaster_;
   ros::Publisher objects_pub_, grasps_pub_;
   message_filters::Subscriber<CandidateArray> candidates_sub_;
-  message_filters::Subscriber<sensor_msgs::PointCloud2> clusters_sub_;
+  message_filters::Subscriber<CloudMessage> clusters_sub_;
   message_filters::Subscriber<TableArray> tables_sub_;
-  message_filters::Subscriber<sensor_msgs::PointCloud2> cloud_sub_;
+  message_filters::Subscriber<CloudMessage> cloud_sub_;
   message_filters::Synchronizer<Policy> sync_{Policy(SYNC_QUEUE), candidates_sub_, clusters_sub_,
                                               tables_sub_, cloud_sub_};
 

@@ -9,8 +9,10 @@
 
 #include <tf2_ros/transform_broadcaster.h>
 #include <tf2_ros/transform_listener.h>
+#include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "cloud_message.h"
 #include "conversions.h"
 #include "stage_nodelet.h"
 #include "tabletop_perception/TableConfig.h"
@@ -38,7 +40,7 @@ class TableNodelet : public StageNodelet {
     serveOptions<TableConfig>(getPrivateNodeHandle(), options_);
 
     if (!up_frame_.empty()) tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_);
-    objects_pub_ = advertise<sensor_msgs::PointCloud2>("objects");
+    objects_pub_ = advertise<CloudMessage>("objects");
     table_pub_ = advertise<TableMessage>("table");
     tables_pub_ = advertise<TableArray>("tables");
   }
@@ -52,9 +54,9 @@ class TableNodelet : public StageNodelet {
 
   bool wantedAnyway() override { return publish_tf_; }
 
-  void onCloud(const sensor_msgs::PointCloud2ConstPtr& message) {
+  void onCloud(const CloudMessageConstPtr& message) {
     attempt([&] {
-      const Cloud cloud = cloudFromMessage(*message);
+      const Cloud& cloud = message->cloud();
       const auto tables = tablesIn(cloud, message->header);
       const auto table_message = messageFromTable(tables, message->header);
       table_pub_.publish(table_message);
@@ -64,9 +66,8 @@ class TableNodelet : public StageNodelet {
             transformMessage(table_message->pose, message->header, table_frame_));
 
       if (objects_pub_.getNumSubscribers() == 0) return;
-      const Cloud standing =
-          pointsOnTables(cloud, tables.value.value_or(std::vector<Table>()), options_);
-      objects_pub_.publish(messageFromCloud(standing, message->header));
+      objects_pub_.publish(boost::make_shared<CloudMessage>(
+          *message, indicesOnTables(cloud, tables.value.value_or(std::vector<Table>()), options_)));
     });
   }
 

@@ -37,6 +37,10 @@ json stageJson(const StageTiming& stage) {
                  {"pcl_median_ms", stage.pcl.median_ms},
                  {"pcl_runs", stage.pcl.runs},
                  {"ratio", stage.ratio()}});
+  if (stage.rebuilt)
+    object.update({{"rebuilt_ms", stage.rebuilt->min_ms},
+                   {"rebuilt_median_ms", stage.rebuilt->median_ms},
+                   {"rebuilt_ratio", stage.rebuilt->min_ms / stage.ours.min_ms}});
   return object;
 }
 
@@ -114,6 +118,9 @@ void printScene(const SceneTiming& timing) {
                 stage.ours.median_ms, stage.pcl.min_ms, stage.pcl.median_ms, stage.ratio(),
                 stage.stock.c_str());
     if (stage.pcl.runs < stage.ours.runs) std::printf(" (%d runs)", stage.pcl.runs);
+    if (stage.rebuilt)
+      std::printf("; rebuilt %.2f, ratio %.1f", stage.rebuilt->min_ms,
+                  stage.rebuilt->min_ms / stage.ours.min_ms);
     std::printf("\n");
   }
   if (timing.table) printOwn("table", *timing.table, "with outline and points, in the front end");

@@ -78,8 +78,8 @@ std::vector<StageTiming> benchmarkPick(const Cloud& cloud, const Segmentation& s
   }
   std::vector<StageTiming> stages;
   for (const auto& step : steps())
-    stages.push_back(
-        {step.name, step.stock, timingOf(ours[step.name]), timingOf(theirs[step.name])});
+    stages.push_back({step.name, step.stock, timingOf(ours[step.name]), timingOf(theirs[step.name]),
+                      std::nullopt});
   return stages;
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
 #include <fstream>
 #include <sstream>
 #include <utility>
@@ -23,6 +24,10 @@ namespace {
 
 constexpr double SLOW_MS = 300;
 constexpr int SLOW_RUNS = 5;
+
+/// Has malloc sort the small pieces that were freed, which it puts off until the next large
+/// allocation: neither side pays for what the other left behind.
+void tidyHeap() { std::free(std::malloc(1 << 20)); }
 
 Timing timeAlone(int runs, const std::function<void()>& work) {
   work();
@@ -112,9 +117,9 @@ NormalsQuality ourQuality(const Cloud& cloud, const Table& table, const NormalsO
 }
 
 NormalsQuality stockQuality(const Cloud& cloud, const Table& table, const std::string& method) {
-  const auto normals = stock::normals(stock::pointsOf(cloud), method);
+  const auto normals = stock::packagedPcl().normals(stock::pointsOf(cloud), method);
   return qualityOf(cloud, table, [&](int i) {
-    return Eigen::Vector3d(normals[i].normal_x, normals[i].normal_y, normals[i].normal_z);
+    return Eigen::Vector3d((*normals)[i].getNormalVector3fMap().cast<double>());
   });
 }
 
@@ -123,10 +128,16 @@ class Stages {
  public:
   Stages(SceneTiming& timing, int runs) : timing_(timing), runs_(runs) {}
 
+  /// `stock`: to be called with a build of PCL.
   template <typename Ours, typename Stock>
   void time(const std::string& name, const std::string& stock_name, Ours ours, Stock stock) {
-    timing_.stages.push_back(
-        timeInTurn(name, stock_name, runs_, discarding(ours), discarding(stock)));
+    std::function<void()> rebuilt;
+#ifdef TABLETOP_REBUILT_PCL
+    rebuilt = discarding([&] { return stock(stock::rebuiltPcl()); });
+#endif
+    timing_.stages.push_back(timeInTurn(name, stock_name, runs_, discarding(ours),
+                                        discarding([&] { return stock(stock::packagedPcl()); }),
+                                        rebuilt));
   }
 
  private:
@@ -140,16 +151,16 @@ void timeWholeFrame(const Cloud& cloud, const pcl::PCLPointCloud2& message,
   stages.time(
       "crop", "PassThrough",
       [&] { return unpackCloud(packed, stock::MIN_DEPTH, stock::MAX_DEPTH); },
-      [&] { return stock::crop(message, forward, true); });
+      [&](const stock::Build& pcl) { return pcl.crop(message, forward, true); });
   const stock::Points::ConstPtr points = stock::pointsOf(cloud);
   stages.time(
       "voxel_grid", "VoxelGrid", [&] { return voxelGrid(cloud, stock::LEAF); },
-      [&] { return stock::voxelGrid(points); });
+      [&](const stock::Build& pcl) { return pcl.voxelGrid(points); });
   if (!cloud.organized()) return;
   stages.time(
       "normals", "IntegralImageNormalEstimation",
       [&] { return computeNormals(cloud, Eigen::Vector3f::Zero(), NormalsOptions()); },
-      [&] { return stock::normals(points); });
+      [&](const stock::Build& pcl) { return pcl.normals(points, "covariance"); });
 }
 
 void compareNormals(const Cloud& cloud, const Table& table, int runs, SceneTiming& timing) {
@@ -166,8 +177,9 @@ void compareNormals(const Cloud& cloud, const Table& table, int runs, SceneTimin
     if (method == "window") {
       entry.ours = timeAlone(runs, ours);
     } else {
-      const auto pair = timeInTurn(method, "IntegralImageNormalEstimation", runs, ours,
-                                   discarding([&] { return stock::normals(points, method); }));
+      const auto pair =
+          timeInTurn(method, "IntegralImageNormalEstimation", runs, ours,
+                     discarding([&] { return stock::packagedPcl().normals(points, method); }));
       entry.ours = pair.ours;
       entry.pcl = pair.pcl;
       entry.pcl_quality = stockQuality(cloud, table, method);
@@ -180,16 +192,16 @@ void compareNormals(const Cloud& cloud, const Table& table, int runs, SceneTimin
 void timeClusters(const Cloud& filtered, const Indices& standing, const ClusterOptions& options,
                   Stages& stages) {
   const stock::Points::ConstPtr voxels =
-      stock::voxelGrid(stock::pointsOf(keepPoints(filtered, standing)));
+      stock::packagedPcl().voxelGrid(stock::pointsOf(keepPoints(filtered, standing)));
   const auto ours = [&] { return extractClusters(filtered, standing, options); };
   stages.time("clusters", "EuclideanClusterExtraction", ours,
-              [&] { return stock::euclideanClusters(voxels); });
+              [&](const stock::Build& pcl) { return pcl.euclideanClusters(voxels); });
   if (!filtered.organized()) return;
   const stock::Points::ConstPtr points = stock::pointsOf(filtered);
   const stock::Labels::Ptr labels(new stock::Labels(filtered.width, filtered.height));
   for (const int i : standing) (*labels)[i].label = 1;
   stages.time("clusters_organized", "OrganizedConnectedComponentSegmentation", ours,
-              [&] { return stock::organizedClusters(points, labels); });
+              [&](const stock::Build& pcl) { return pcl.organizedClusters(points, labels); });
 }
 
 }  // namespace
@@ -208,16 +220,27 @@ Timing timingOf(std::vector<double> times_ms) {
 }
 
 StageTiming timeInTurn(const std::string& name, const std::string& stock_name, int runs,
-                       const std::function<void()>& ours, const std::function<void()>& stock) {
-  ours();  // neither pays for cold caches
+                       const std::function<void()>& ours, const std::function<void()>& stock,
+                       const std::function<void()>& rebuilt) {
+  ours();  // nobody pays for cold caches
+  if (rebuilt) rebuilt();
   const bool slow = millisecondsOf(stock) > SLOW_MS;
   const int stock_runs = slow ? std::min(runs, SLOW_RUNS) : runs;
-  std::vector<double> our_times, stock_times;
+  std::vector<double> our_times, stock_times, rebuilt_times;
   for (int run = 0; run < runs; ++run) {
+    tidyHeap();
     our_times.push_back(millisecondsOf(ours));
-    if (run < stock_runs) stock_times.push_back(millisecondsOf(stock));
+    if (run >= stock_runs) continue;
+    tidyHeap();
+    stock_times.push_back(millisecondsOf(stock));
+    if (!rebuilt) continue;
+    tidyHeap();
+    rebuilt_times.push_back(millisecondsOf(rebuilt));
   }
-  return {name, stock_name, timingOf(std::move(our_times)), timingOf(std::move(stock_times))};
+  StageTiming timing{name, stock_name, timingOf(std::move(our_times)),
+                     timingOf(std::move(stock_times)), std::nullopt};
+  if (rebuilt) timing.rebuilt = timingOf(std::move(rebuilt_times));
+  return timing;
 }
 
 SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector3d>& up,
@@ -232,12 +255,13 @@ SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector
   timeWholeFrame(scene.cloud, message, forward, stages);
 
   const Cloud filtered = filterCloud(scene.cloud, options.filter);
-  const stock::Points::ConstPtr voxels = stock::voxelGrid(stock::crop(message, forward, false));
+  const auto& pcl = stock::packagedPcl();
+  const stock::Points::ConstPtr voxels = pcl.voxelGrid(pcl.crop(message, forward, false));
   if (!voxels->empty())
     stages.time(
         "plane", "SACSegmentation",
         [&] { return findLargestPlane(filtered, stock::PLANE_DISTANCE, std::nullopt, 1); },
-        [&] { return stock::planeInliers(voxels); });
+        [&](const stock::Build& pcl) { return pcl.planeInliers(voxels); });
   const auto table = findTable(filtered, up, options.table);
   timing.reason = table.reason;
   if (table) {
@@ -248,7 +272,7 @@ SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector
     const auto packed = packedView(message);
     stages.time(
         "front_end", "PassThrough to clusters", [&] { return frontEnd(packed, up, options); },
-        [&] { return stock::frontEnd(message, forward); });
+        [&](const stock::Build& pcl) { return pcl.frontEnd(message, forward); });
     const auto clusters = extractClusters(filtered, standing, options.cluster);
     timing.split = timeAlone(
         runs, discarding([&] { return splitClusters(filtered, clusters, options.split); }));

@@ -24,6 +24,7 @@ struct StageTiming {
   std::string name;
   std::string stock;  ///< the class of PCL's
   Timing ours, pcl;
+  std::optional<Timing> rebuilt;  ///< PCL compiled for this processor, where there is such a one
 
   double ratio() const { return pcl.min_ms / ours.min_ms; }  ///< how many times faster ours is
 };
@@ -73,10 +74,11 @@ double millisecondsOf(const std::function<void()>& work);
 /// Of times of at least one run.
 Timing timingOf(std::vector<double> times_ms);
 
-/// Runs `ours` and `stock` in turn, at least `runs` times each; `stock` 5 times at most where one
-/// run takes over 0.3 s.
+/// Runs `ours`, `stock` and, if there is one, `rebuilt` in turn, at least `runs` times each; the
+/// latter two 5 times at most where one run of `stock` takes over 0.3 s.
 StageTiming timeInTurn(const std::string& name, const std::string& stock_name, int runs,
-                       const std::function<void()>& ours, const std::function<void()>& stock);
+                       const std::function<void()>& ours, const std::function<void()>& stock,
+                       const std::function<void()>& rebuilt = {});
 
 /// Times every stage on one scene, on one thread. `models`: null for no recognition.
 SceneTiming benchmarkScene(const Scene& scene, const std::optional<Eigen::Vector3d>& up,

@@ -1,10 +1,8 @@
 #include "stock_pcl.h"
 
-#include <cmath>
 #include <cstdint>
 #include <set>
 
-#include <pcl/console/print.h>
 #include <pcl/conversions.h>
 #include <pcl/features/integral_image_normal.h>
 #include <pcl/filters/extract_indices.h>
@@ -15,6 +13,10 @@
 #include <pcl/segmentation/extract_clusters.h>
 #include <pcl/segmentation/organized_connected_component_segmentation.h>
 #include <pcl/segmentation/sac_segmentation.h>
+
+#ifndef TABLETOP_PCL_BUILD  // the build defines it where this file is compiled once more
+#define TABLETOP_PCL_BUILD packagedPcl
+#endif
 
 namespace tabletop_perception::tools::stock {
 namespace {
@@ -29,37 +31,6 @@ Points::Ptr withoutPoints(const Points::ConstPtr& points, const pcl::PointIndice
   const Points::Ptr rest(new Points);
   extract.filter(*rest);
   return rest;
-}
-
-}  // namespace
-
-Points::Ptr pointsOf(const Cloud& cloud) {
-  const Points::Ptr points(new Points(cloud.width, cloud.height));
-  points->is_dense = true;
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    Point& point = (*points)[i];
-    point.getVector3fMap() = cloud.point(i);
-    point.rgba = cloud.colored() ? cloud.rgb[i] : 0;
-    points->is_dense = points->is_dense && cloud.valid(i);
-  }
-  return points;
-}
-
-pcl::PCLPointCloud2 packedMessage(const Cloud& cloud) {
-  pcl::PCLPointCloud2 message;
-  pcl::toPCLPointCloud2(*pointsOf(cloud), message);
-  return message;
-}
-
-void silence() { pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS); }
-
-Forward forwardOf(const Cloud& cloud) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const int i : validIndices(cloud)) sum += cloud.point(i).cast<double>();
-  int axis = 2;
-  for (const int other : {0, 1})
-    if (std::abs(sum[other]) > std::abs(sum[axis])) axis = other;
-  return {std::string(1, "xyz"[axis]), sum[axis] >= 0};
 }
 
 Points::Ptr crop(const pcl::PCLPointCloud2& message, const Forward& forward, bool organized) {
@@ -84,7 +55,8 @@ Points::Ptr voxelGrid(const Points::ConstPtr& points) {
   return voxels;
 }
 
-pcl::PointCloud<pcl::Normal> normals(const Points::ConstPtr& points, const std::string& method) {
+pcl::PointCloud<pcl::Normal>::Ptr normals(const Points::ConstPtr& points,
+                                          const std::string& method) {
   using Estimation = pcl::IntegralImageNormalEstimation<Point, pcl::Normal>;
   Estimation estimation;
   estimation.setNormalEstimationMethod(
@@ -94,8 +66,8 @@ pcl::PointCloud<pcl::Normal> normals(const Points::ConstPtr& points, const std::
   estimation.setMaxDepthChangeFactor(NORMAL_DEPTH_CHANGE);
   estimation.setNormalSmoothingSize(NORMAL_SMOOTHING_SIZE);
   estimation.setInputCloud(points);
-  pcl::PointCloud<pcl::Normal> normals;
-  estimation.compute(normals);
+  const pcl::PointCloud<pcl::Normal>::Ptr normals(new pcl::PointCloud<pcl::Normal>);
+  estimation.compute(*normals);
   return normals;
 }
 
@@ -149,6 +121,14 @@ std::vector<pcl::PointIndices> frontEnd(const pcl::PCLPointCloud2& message,
                                         const Forward& forward) {
   const auto voxels = voxelGrid(crop(message, forward, false));
   return euclideanClusters(withoutPoints(voxels, planeInliers(voxels)));
+}
+
+}  // namespace
+
+__attribute__((visibility("default"))) const Build& TABLETOP_PCL_BUILD() {
+  static const Build BUILD = {
+      crop, voxelGrid, normals, planeInliers, euclideanClusters, organizedClusters, frontEnd};
+  return BUILD;
 }
 
 }  // namespace tabletop_perception::tools::stock

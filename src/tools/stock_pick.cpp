@@ -52,7 +52,7 @@ Points::Ptr depthWindow(const Points::ConstPtr& points, const Eigen::Vector3f& p
 }
 
 Points::Ptr besideLargestPlane(const Points::ConstPtr& points) {
-  return extracted(points, planeInliers(points), true);
+  return extracted(points, packagedPcl().planeInliers(points), true);
 }
 
 Points::Ptr boxAndVoxels(const Points::ConstPtr& points, const Eigen::Vector3f& point,
@@ -65,13 +65,13 @@ Points::Ptr boxAndVoxels(const Points::ConstPtr& points, const Eigen::Vector3f& 
   crop.setMax({high.x(), high.y(), high.z(), 1});
   const Points::Ptr box(new Points);
   crop.filter(*box);
-  return voxelGrid(box);
+  return packagedPcl().voxelGrid(box);
 }
 
 Points::Ptr clusterAt(const Points::ConstPtr& points, const Eigen::Vector3f& point) {
   Points::Ptr nearest(new Points);
   float least = std::numeric_limits<float>::infinity();
-  for (const auto& cluster : euclideanClusters(points)) {
+  for (const auto& cluster : packagedPcl().euclideanClusters(points)) {
     Eigen::Vector4f centroid;
     pcl::compute3DCentroid(*points, cluster, centroid);
     const float squared = (centroid.head<3>() - point).squaredNorm();
@@ -86,7 +86,7 @@ Eigen::Isometry3f frameOf(const Points::ConstPtr& thing) {
   Eigen::Isometry3f frame = Eigen::Isometry3f::Identity();
   if (thing->size() < 3) return frame;
   pcl::PCA<Point> pca;
-  pca.setInputCloud(extracted(thing, planeInliers(thing), false));
+  pca.setInputCloud(extracted(thing, packagedPcl().planeInliers(thing), false));
   frame.linear() = pca.getEigenVectors();
   frame.translation() = pca.getMean().head<3>();
   return frame;

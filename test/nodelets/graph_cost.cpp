@@ -12,6 +12,7 @@
 #include <rosbag/view.h>
 #include <sensor_msgs/PointCloud2.h>
 
+#include "cloud_message.h"
 #include "conversions.h"
 #include "tabletop_perception/frame_memory.h"
 #include "tabletop_perception/pipeline.h"
@@ -75,8 +76,8 @@ Cost costOfGraph(const std::string& topic) {
 
   CostMeter meter;
   ros::NodeHandle nh;
-  const auto subscriber = nh.subscribe<sensor_msgs::PointCloud2>(
-      "/cluster/clusters", 5, [&](const sensor_msgs::PointCloud2ConstPtr&) { meter.frameDone(); });
+  const auto subscriber = nh.subscribe<CloudMessage>(
+      "/cluster/clusters", 5, [&](const CloudMessageConstPtr&) { meter.frameDone(); });
   std::puts("ready");
   std::fflush(stdout);
   while (ros::ok() && !meter.quiet(3)) {

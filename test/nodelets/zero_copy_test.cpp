@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <nodelet/loader.h>
 
+#include "cloud_message.h"
 #include "graph.h"
 
 namespace tabletop_perception {
@@ -26,8 +27,8 @@ TEST(ZeroCopy, nodeletsPassTheSameMessageOn) {
 
   ros::NodeHandle nh;
   Camera camera(nh);
-  Recorder<sensor_msgs::PointCloud2> published(nh, "/cluster/clusters");
-  Recorder<sensor_msgs::PointCloud2> passed_on(nh, "/match/clusters");
+  Recorder<CloudMessage> published(nh, "/cluster/clusters");
+  Recorder<CloudMessage> passed_on(nh, "/match/clusters");
   const Cloud cloud = scene::threeObjects().cloud;
   ros::Time stamp;
   ASSERT_TRUE(spinUntil([&] {
@@ -37,7 +38,7 @@ TEST(ZeroCopy, nodeletsPassTheSameMessageOn) {
 
   // match publishes the message that it got from cluster: all three of them hold the same one.
   EXPECT_EQ(published.at(stamp), passed_on.at(stamp));
-  EXPECT_EQ(published.at(stamp)->data.data(), passed_on.at(stamp)->data.data());
+  EXPECT_EQ(published.at(stamp)->cloud().x.data(), passed_on.at(stamp)->cloud().x.data());
 }
 
 }  // namespace
