@@ -391,7 +391,9 @@ TEST_F(TabletopProgram, BenchmarksStagesBesideStockPcl) {
     EXPECT_EQ(stage["runs"], 2);
   }
   EXPECT_EQ(names, (std::vector<std::string>{"crop", "voxel_grid", "normals", "plane", "clusters",
-                                             "clusters_organized", "front_end"}));
+                                             "clusters_organized", "front_end", "pick_decimate",
+                                             "pick_window", "pick_plane", "pick_box",
+                                             "pick_cluster", "pick_frame", "pick"}));
   EXPECT_GT(lines[0]["split"]["ours_ms"].get<double>(), 0);
   EXPECT_GT(lines[0]["memory"]["process_peak_mb"].get<double>(), 1);
 
