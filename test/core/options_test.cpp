@@ -165,7 +165,8 @@ TEST(PipelineOptions, AnEmptyFileChangesNothing) {
 
 TEST(PipelineOptions, MistakesInAFileAreOneLineThatNamesIt) {
   EXPECT_EQ(
-      refusalOfFile("filtre: {}").find(": no such option: options.filtre; there are filter, "), 0u);
+      refusalOfFile("filtre: {}").find(": no such option: options.filtre; there are depth_image, "),
+      0u);
   EXPECT_EQ(refusalOfFile("cluster:\n  tolerence: 0.01"),
             ": no such option: cluster.tolerence; there are tolerance, noise_gap, min_points, "
             "max_points");

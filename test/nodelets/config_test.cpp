@@ -8,6 +8,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "marker_options.h"
+#include "openni_options.h"
 #include "options_ros.h"
 #include "tabletop_perception/ClusterConfig.h"
 #include "tabletop_perception/ColorConfig.h"
@@ -16,6 +17,7 @@
 #include "tabletop_perception/GraspConfig.h"
 #include "tabletop_perception/MarkersConfig.h"
 #include "tabletop_perception/MatchConfig.h"
+#include "tabletop_perception/OpenniConfig.h"
 #include "tabletop_perception/PickConfig.h"
 #include "tabletop_perception/RefineConfig.h"
 #include "tabletop_perception/SplitConfig.h"
@@ -129,6 +131,8 @@ TEST(Config, trackHasTheOptionsOfItsStruct) { expectSameFields<TrackConfig, Trac
 TEST(Config, markersHaveTheOptionsOfTheirStruct) {
   expectSameFields<MarkersConfig, MarkerOptions>();
 }
+
+TEST(Config, openniHasTheOptionsOfItsStruct) { expectSameFields<OpenniConfig, OpenniOptions>(); }
 
 TEST(Config, aConfigBecomesOptions) {
   FilterConfig config = FilterConfig::__getDefault__();

@@ -99,8 +99,9 @@ TEST(RecognitionJson, HoldsWhatTheDocumentationSays) {
 
   const auto& milk = json["objects"].at(0);
   EXPECT_EQ(keysOf(milk),
-            (std::vector<std::string>{"id", "labels", "name", "score", "pose", "fitness", "visible",
-                                      "points", "box", "evidence", "reason"}));
+            (std::vector<std::string>{"id", "labels", "name", "score", "pose", "covariance",
+                                      "free_directions", "fitness", "visible", "points", "box",
+                                      "evidence", "reason"}));
   EXPECT_EQ(milk["id"], 1);
   EXPECT_EQ(milk["labels"], ordered_json({2, 3}));
   EXPECT_EQ(milk["name"], "milk");
