@@ -220,11 +220,14 @@ inline SyntheticScene render(const std::vector<Standing>& objects,
   return scene;
 }
 
+/// What the objects of threeObjects() look like: known by their colours, too.
+constexpr std::uint32_t BRACKET_COLOR = 0xC03030, HOUSE_COLOR = 0x30A030, STEPS_COLOR = 0x3030C0;
+
 /// Three objects without symmetry, at least 10 cm apart.
 inline SyntheticScene threeObjects(const SceneOptions& options = {}) {
-  return render({{"bracket", painted(bracket(), 0xC03030), standing(0.02, 0.25, 2.5)},
-                 {"house", painted(house(), 0x30A030), standing(0.06, 0.0, -0.6)},
-                 {"steps", painted(steppedBlock(), 0x3030C0), standing(0.0, -0.24, 2.4)}},
+  return render({{"bracket", painted(bracket(), BRACKET_COLOR), standing(0.02, 0.25, 2.5)},
+                 {"house", painted(house(), HOUSE_COLOR), standing(0.06, 0.0, -0.6)},
+                 {"steps", painted(steppedBlock(), STEPS_COLOR), standing(0.0, -0.24, 2.4)}},
                 options);
 }
 

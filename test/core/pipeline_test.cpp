@@ -203,7 +203,8 @@ TEST(Pipeline, SameInputSameAnswer) {
 TEST(Pipeline, WhatIsNotInTheDatabaseStaysUnknown) {
   const auto scene = scene::render({{"ball", scene::ball(0.05), scene::standing(0.05, 0.2, 0)},
                                     {"can", scene::cylinder(0.035, 0.12), scene::standing(0, 0, 0)},
-                                    {"house", scene::house(), scene::standing(0.02, -0.25, 1)}});
+                                    {"house", scene::painted(scene::house(), scene::HOUSE_COLOR),
+                                     scene::standing(0.02, -0.25, 1)}});
   const Recognition recognition = recognized(scene.cloud, scene.up);
   ASSERT_EQ(recognition.objects.size(), 3u);
   int known = 0;

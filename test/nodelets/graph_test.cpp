@@ -124,9 +124,11 @@ TEST_F(Graph, aSecondTableComesOutWithWhatStandsOnIt) {
   scene::SceneOptions options;
   options.table_x = options.table_y = 0.5;
   const auto scene = scene::render(
-      {{"house", scene::house(), scene::standing(0, 0, 0.5)},
+      {{"house", scene::painted(scene::house(), scene::HOUSE_COLOR), scene::standing(0, 0, 0.5)},
        {"board", scene::moved(scene::box(0.5, 0.4, 0.02), 0, 0.5, -0.2), scene::standing(0, 0, 0)},
-       {"bracket", scene::moved(scene::bracket(), 0, 0.45, -0.18), scene::standing(0, 0, 0)}},
+       {"bracket",
+        scene::moved(scene::painted(scene::bracket(), scene::BRACKET_COLOR), 0, 0.45, -0.18),
+        scene::standing(0, 0, 0)}},
       options);
   const auto stamp = camera_.send(scene.cloud);
   auto& s = shared();
