@@ -170,6 +170,16 @@ std::vector<Seen> lookFromAll(const Mesh& mesh, const std::vector<Eigen::Isometr
   return seen;
 }
 
+/// A view without its colours if they are one and the same: a cloud that a program painted. No
+/// camera sees that, and it would tell the object apart from itself.
+Cloud withoutPaint(Cloud cloud) {
+  std::set<std::uint32_t> colors;
+  for (const int i : validIndices(cloud))
+    if (cloud.colored()) colors.insert(cloud.rgb[i]);
+  if (colors.size() == 1) cloud.rgb.clear();
+  return cloud;
+}
+
 /// Whether a surface has a counterpart to nearly every side: its normals cancel out, as over every
 /// closed surface. A part has symmetries that the whole has not.
 bool isSeenAllAround(const Surface& surface) {
@@ -222,7 +232,8 @@ ObjectModel trainFromViews(const std::string& name, const std::vector<TrainingVi
   model.origin = std::to_string(views.size()) + (views.size() == 1 ? " view" : " views");
   std::vector<Seen> seen;
   for (const TrainingView& view : views) {
-    seen.push_back(look(view.cloud, view.cloud, view.T_view_object, options));
+    const Cloud cloud = withoutPaint(view.cloud);
+    seen.push_back(look(cloud, cloud, view.T_view_object, options));
     if (validIndices(view.cloud).empty())
       throw std::invalid_argument("object '" + name + "': view " + std::to_string(seen.size()) +
                                   " of " + std::to_string(views.size()) + " has no points");

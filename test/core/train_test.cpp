@@ -247,6 +247,14 @@ TEST(TrainFromViews, AViewMayBeAddedLater) {
   EXPECT_THROW(withView(begun, TrainingView()), std::invalid_argument);
 }
 
+TEST(TrainFromViews, OneColourForAllPointsIsNone) {
+  TrainingView view = viewOf(boxMesh(), standingBefore(0.3));
+  view.cloud.rgb.assign(view.cloud.size(), 0x0000FF);
+  EXPECT_TRUE(trainFromViews("box", {view}, DescriptorOptions(), SILENT).colors.empty());
+  view.cloud.rgb[validIndices(view.cloud).front()] = 0x0000FE;
+  EXPECT_FALSE(trainFromViews("box", {view}, DescriptorOptions(), SILENT).colors.empty());
+}
+
 TEST(TrainFromViews, OneSideTellsNothingOfSymmetry) {
   const ObjectModel model =
       trainFromViews("box", {viewOf(boxMesh(), standingBefore(0))}, DescriptorOptions(), SILENT);
