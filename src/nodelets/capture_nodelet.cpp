@@ -166,7 +166,10 @@ class CaptureNodelet : public StageNodelet {
         arrived_.wait_until(lock, deadline, [&] { return stopping_ || frame_.cloud; });
     const Frame frame = frame_;
     lock.unlock();
-    const std::string inputs = frame.cloud ? "" : inputsReport();  // while they are subscribed
+    const std::string inputs =
+        frame.cloud ? ""
+                    : inputsReport({cloud_sub_.getSubscriber(),
+                                    tables_sub_.getSubscriber()});  // while they are subscribed
     setWaiting(false);
     if (!came || !frame.cloud) throw std::runtime_error("no frame came in time: " + inputs);
     return frame;
@@ -180,14 +183,6 @@ class CaptureNodelet : public StageNodelet {
       called_ = ros::Time::now();
     }
     updateSubscriptions();
-  }
-
-  std::string inputsReport() const {
-    std::string silent;
-    for (const auto* subscriber : {&cloud_sub_.getSubscriber(), &tables_sub_.getSubscriber()})
-      if (*subscriber && subscriber->getNumPublishers() == 0)
-        silent += (silent.empty() ? "nobody publishes " : ", ") + subscriber->getTopic();
-    return silent.empty() ? "is the camera publishing?" : silent;
   }
 
   using Policy = message_filters::sync_policies::ExactTime<CloudMessage, TableArray>;

@@ -177,7 +177,9 @@ class PickNodelet : public StageNodelet {
   void onTimer(const ros::WallTimerEvent&) {
     const auto now = Clock::now();
     for (const auto& late : take([&](const Request& request) { return request.deadline <= now; }))
-      finish(late, refusal(late.point.header, "no cloud came in time: " + inputsReport()));
+      finish(late, refusal(late.point.header, "no cloud came in time: " +
+                                                  inputsReport({cloud_sub_.getSubscriber(),
+                                                                tables_sub_.getSubscriber()})));
   }
 
   void onFrame(const CloudMessageConstPtr& cloud, const TableArrayConstPtr& tables) {
@@ -253,14 +255,6 @@ class PickNodelet : public StageNodelet {
       object.grasps.clear();
     }
     grasps_pub_.publish(usableGrasps(object));
-  }
-
-  std::string inputsReport() const {
-    std::string silent;
-    for (const auto* subscriber : {&cloud_sub_.getSubscriber(), &tables_sub_.getSubscriber()})
-      if (*subscriber && subscriber->getNumPublishers() == 0)
-        silent += (silent.empty() ? "nobody publishes " : ", ") + subscriber->getTopic();
-    return silent.empty() ? "is the camera publishing?" : silent;
   }
 
   // --- the work

@@ -285,7 +285,10 @@ class RefineNodelet : public StageNodelet {
     ++calls_;
     updateSubscriptions();
     const auto frame = frameSince(called, deadline);
-    const std::string inputs = frame ? "" : inputsReport();  // while they are subscribed
+    const std::string inputs =
+        frame ? ""
+              : inputsReport({cloud_sub_.getSubscriber(), tables_sub_.getSubscriber(),
+                              candidates_sub_.getSubscriber()});  // while they are subscribed
     --calls_;
     updateSubscriptions();
     if (!frame) throw std::runtime_error("no frame came through in time: " + inputs);
@@ -301,19 +304,6 @@ class RefineNodelet : public StageNodelet {
     };
     const bool came = latest_changed_.wait_until(lock, deadline, arrived);
     return came && !stopping_ ? latest_.objects : nullptr;
-  }
-
-  /// Which of the inputs nobody publishes.
-  std::string inputsReport() const {
-    std::string silent;
-    const auto check = [&](const ros::Subscriber& subscriber) {
-      if (subscriber && subscriber.getNumPublishers() > 0) return;
-      silent += (silent.empty() ? "" : ", ") + subscriber.getTopic();
-    };
-    check(cloud_sub_.getSubscriber());
-    check(tables_sub_.getSubscriber());
-    check(candidates_sub_.getSubscriber());
-    return silent.empty() ? "is the camera publishing?" : "nobody publishes " + silent;
   }
 
   std::vector<RecognizedObject> inFrame(const std::string& target_frame,

@@ -57,6 +57,14 @@ void StageNodelet::attempt(const ros::Time& stamp, const std::function<void()>& 
   }
 }
 
+std::string StageNodelet::inputsReport(const std::vector<ros::Subscriber>& inputs) {
+  std::string silent;
+  for (const auto& input : inputs)
+    if (input && input.getNumPublishers() == 0)
+      silent += (silent.empty() ? "nobody publishes " : ", ") + input.getTopic();
+  return silent.empty() ? "is the camera publishing?" : silent;
+}
+
 void StageNodelet::warn(const std::string& text) {
   using namespace std::chrono_literals;
   std::lock_guard<std::mutex> lock(warning_mutex_);

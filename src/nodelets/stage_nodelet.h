@@ -97,6 +97,9 @@ class StageNodelet : public nodelet::Nodelet {
   /// What else the diagnostics say: frames that are dropped, and why a frame has no result.
   StageHealth& health() { return health_; }
 
+  /// Why nothing comes: which of the inputs nobody publishes.
+  static std::string inputsReport(const std::vector<ros::Subscriber>& inputs);
+
   /// A warning that does not flood the log: the same text every 10 s, another after 1 s. From
   /// any thread.
   void warn(const std::string& text);
