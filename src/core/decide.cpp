@@ -24,9 +24,11 @@ constexpr double TWIN_TURN = 0.02;               // [rad]
 constexpr double MIN_OWN_SHARE = 0.7;  // of an object's points that no other object explains
 constexpr double RIVAL_OVERLAP = 0.5;  // share of an object's points that a rival explains as well
 constexpr double MIN_SHARE_OF_CLUSTER = 0.3;  // that an object explains if the cluster shows it
-constexpr double TAKEN_SHARE = 0.5;    // of a cluster that objects explain: it is no unknown thing
-constexpr double UNDERSIDE = 0.03;     // of a thing, about its lowest point [m]
-constexpr double CARRIER_NEAR = 0.01;  // what carries a thing lies no farther beside it [m]
+constexpr double TAKEN_SHARE = 0.5;     // of a cluster that objects explain: it is no unknown thing
+constexpr double SETTLED_LIFT = 0.008;  // by which settling may raise or lower a thing [m]
+constexpr double SETTLED_COLOR_GAIN = 1.25;  // by which it may make colours more alike
+constexpr double UNDERSIDE = 0.03;           // of a thing, about its lowest point [m]
+constexpr double CARRIER_NEAR = 0.01;        // what carries a thing lies no farther beside it [m]
 constexpr int MIN_CARRIER_POINTS = 10;
 constexpr double MIN_LEFT_SHARE = 0.15;  // of a cluster that is worth another look
 
@@ -113,12 +115,17 @@ class Decision {
       if (!hypothesis.stands()) continue;
       const int shared = commonOf(hypothesis.explained, taken_);
       if (shared > (1 - MIN_OWN_SHARE) * hypothesis.points) continue;
+      const double most = mostOf(hypothesis);
+      if (most < verify_.min_score) {
+        noteRefusal(hypothesis, scoreRefusal(hypothesis, "at most ", most));
+        continue;
+      }
       Hypothesis settled = hypothesis;
       settle(settled);
       const double score = probabilityOf(evidenceOf(settled));
       const bool likely = score >= verify_.min_score;
       if (!likely && score < verify_.min_score * settled.turn) {
-        noteRefusal(hypothesis, scoreRefusal(settled, score));
+        noteRefusal(hypothesis, scoreRefusal(settled, "", score));
         continue;
       }
       // Whichever way it is turned, it is there: nothing else is made of its points.
@@ -138,6 +145,18 @@ class Decision {
     const double leaf = index_.descriptorOptions().leaf;
     return {hypothesis.verification.agreement, hypothesis.rms,     hypothesis.points * leaf * leaf,
             rivalOf(hypothesis).margin,        liftOf(hypothesis), hypothesis.turn};
+  }
+
+  /// The score that a hypothesis may have at most once it is settled, which takes much longer.
+  double mostOf(const Hypothesis& hypothesis) const {
+    Evidence best{hypothesis.verification.agreement, 0, 0, 1, 0, 1};
+    const double leaf = index_.descriptorOptions().leaf;
+    best.area = hypothesis.points * leaf * leaf;
+    auto& color = best.agreement.color;
+    if (color) color = *color * SETTLED_COLOR_GAIN;
+    if (probabilityOf(best) < verify_.min_score) return probabilityOf(best);
+    best.lift = std::max(0.0, std::abs(liftOf(hypothesis)) - SETTLED_LIFT);
+    return probabilityOf(best);
   }
 
   /// Turns a nearly symmetric object the way that fits best.
@@ -295,10 +314,11 @@ class Decision {
     return coloredPoints(observations_.about(centroidOf(points)), points, MAX_COLORED_POINTS);
   }
 
-  std::string scoreRefusal(const Hypothesis& hypothesis, double score) const {
+  /// `about`: what is known of the score.
+  std::string scoreRefusal(const Hypothesis& hypothesis, const char* about, double score) const {
     char text[200];
-    std::snprintf(text, sizeof text, "%s: score %.2f, limit %.2f",
-                  index_.models()[hypothesis.model].name.c_str(), score, verify_.min_score);
+    std::snprintf(text, sizeof text, "%s: score %s%.2f, limit %.2f",
+                  index_.models()[hypothesis.model].name.c_str(), about, score, verify_.min_score);
     return text;
   }
 
