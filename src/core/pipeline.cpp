@@ -14,11 +14,14 @@
 namespace tabletop_perception {
 namespace {
 
-/// The points of several clusters.
+/// The points of several clusters, in the order of the image.
 Indices pointsOf(const std::vector<Indices>& clusters, const std::vector<int>& members) {
   Indices points;
-  for (const int k : members) points.insert(points.end(), clusters[k].begin(), clusters[k].end());
-  std::sort(points.begin(), points.end());
+  for (const int k : members) {
+    const auto middle = static_cast<std::ptrdiff_t>(points.size());
+    points.insert(points.end(), clusters[k].begin(), clusters[k].end());
+    std::inplace_merge(points.begin(), points.begin() + middle, points.end());
+  }
   return points;
 }
 

@@ -15,6 +15,7 @@ namespace {
 
 constexpr std::size_t MAX_TURN_POINTS = 3000;  // that tell near symmetries apart
 constexpr std::size_t FEW_TURN_POINTS = 400;   // that tell the hopeless ones
+constexpr int COARSE_ITERATIONS = 15;          // of ICP with these
 constexpr double HOPELESS = 14;                // log likelihood ratio to the likeliest
 constexpr double TURN_REACH = 0.015;           // of points about the model that count [m]
 constexpr double TURN_DISTANCE = 0.006;        // farther off a point says no more [m]
