@@ -33,8 +33,9 @@ class NearestGrid {
 
   /// Index of the surface point nearest to `p`, or -1 farther than the margin from its box.
   int nearest(const Eigen::Vector3f& p) const {
-    const Eigen::Array3i c = ((p - origin_) * inverse_cell_).array().floor().cast<int>();
-    if ((c < 0).any() || (c >= size_).any()) return -1;
+    const Eigen::Array3f at = (p - origin_) * inverse_cell_;
+    if (!((at >= 0).all() && (at < size_.cast<float>()).all())) return -1;  // nor where it is NaN
+    const Eigen::Array3i c = at.cast<int>();
     return indexAt((c.z() * size_.y() + c.y()) * size_.x() + c.x());
   }
 

@@ -49,6 +49,12 @@ struct Standing {
   }
 };
 
+/// The parts of some clusters, or what is left of them.
+struct Parts {
+  std::vector<Surface> surfaces;
+  std::vector<PlanarSurface> planar;  ///< the same, for kernels
+};
+
 void append(const Surface& from, std::size_t i, Surface& to) {
   to.points.push_back(from.points[i]);
   to.normals.push_back(from.normals[i]);
@@ -99,10 +105,12 @@ class Decision {
     const bool alone = proposal.labels.size() == 1;
     if (alone) reason = proposal.candidates.reason;
     if (!proposal.candidates) return;
-    std::vector<Surface> parts;
-    for (std::size_t p = 0; p < standing_.parts.size(); ++p)
-      if (isMember(standing_.cluster_of_part[p], proposal.labels))
-        parts.push_back(standing_.parts[p]);
+    Parts parts;
+    for (std::size_t p = 0; p < standing_.parts.size(); ++p) {
+      if (!isMember(standing_.cluster_of_part[p], proposal.labels)) continue;
+      parts.surfaces.push_back(standing_.parts[p]);
+      parts.planar.push_back(standing_.planar[p]);
+    }
     const std::string refusal = judgeCandidates(*proposal.candidates, parts);
     if (alone && reason.empty()) reason = refusal;
   }
@@ -184,7 +192,7 @@ class Decision {
   void judgeRest(const std::vector<Proposal>& proposals) {
     for (const auto& proposal : proposals) {
       if (!isWorthAnotherLook(proposal.labels)) continue;
-      std::vector<Surface> parts;
+      Parts parts;
       Surface all;
       for (std::size_t p = 0; p < standing_.parts.size(); ++p) {
         if (!isMember(standing_.cluster_of_part[p], proposal.labels)) continue;
@@ -194,7 +202,9 @@ class Decision {
           append(standing_.parts[p], i, rest);
           append(standing_.parts[p], i, all);
         }
-        if (!rest.empty()) parts.push_back(std::move(rest));
+        if (rest.empty()) continue;
+        parts.planar.emplace_back(rest);
+        parts.surfaces.push_back(std::move(rest));
       }
       const auto candidates =
           matchCluster(all, observations_.about(centroidOf(all.points)), index_, match_);
@@ -224,9 +234,8 @@ class Decision {
   }
 
   /// Adds a hypothesis for each candidate that ICP holds on to; why the best one is refused.
-  std::string judgeCandidates(const std::vector<Candidate>& candidates,
-                              const std::vector<Surface>& parts) {
-    const Observation& observation = observations_.about(middleOf(parts));
+  std::string judgeCandidates(const std::vector<Candidate>& candidates, const Parts& parts) {
+    const Observation& observation = observations_.about(middleOf(parts.surfaces));
     std::string reason;
     double best_score = -1;
     for (const auto& candidate : candidates) {
@@ -244,14 +253,15 @@ class Decision {
       }
       const Eigen::Isometry3d T_camera_object =
           canonicalPose(index_.models()[model].symmetry, alignment->T_camera_object, reference());
-      Hypothesis hypothesis{model,
-                            T_camera_object,
-                            verifyPose(index_, model, T_camera_object, parts, observation, verify_),
-                            Marks(standing_.parts),
-                            0,
-                            0,
-                            1,
-                            {}};
+      Hypothesis hypothesis{
+          model,
+          T_camera_object,
+          verifyPose(index_, model, T_camera_object, parts.planar, observation, verify_),
+          Marks(standing_.parts),
+          0,
+          0,
+          1,
+          {}};
       if (hypothesis.verification.score > best_score) {
         best_score = hypothesis.verification.score;
         reason = hypothesis.stands() ? "" : candidate.name + ": " + hypothesis.verification.reason;
@@ -283,13 +293,13 @@ class Decision {
   }
 
   /// The points near a model, which ICP is to lay it on.
-  Surface sourceFor(int model, const Eigen::Isometry3d& T_camera_object,
-                    const std::vector<Surface>& parts) const {
+  Surface sourceFor(int model, const Eigen::Isometry3d& T_camera_object, const Parts& parts) const {
     Surface near;
-    for (const auto& part : parts) {
-      const auto within = explainedPoints(index_, model, T_camera_object, part, REACH);
-      for (std::size_t i = 0; i < part.size(); ++i)
-        if (within[i]) append(part, i, near);
+    for (std::size_t p = 0; p < parts.planar.size(); ++p) {
+      const auto within = explainedPoints(index_, model, T_camera_object, parts.planar[p], REACH);
+      for (std::size_t i = 0; i < parts.surfaces[p].size(); ++i)
+        if (within[i / PlanarBlock::SIZE] >> i % PlanarBlock::SIZE & 1)
+          append(parts.surfaces[p], i, near);
     }
     return thinned(near, MAX_SOURCE_POINTS);
   }

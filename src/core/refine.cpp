@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -16,6 +17,8 @@ constexpr double SHRINK = 0.8;  // of the correspondence distance per iteration
 constexpr double DAMPING =
     1e-2;  // of the normal equations' mean diagonal: free directions stay put
 constexpr int MIN_POINTS = 6;
+constexpr int MAX_IDLE_STEPS = 4;      // that bring the points no nearer
+constexpr double MIN_PROGRESS = 1e-3;  // of their mean square, share
 constexpr int SIZE = PlanarBlock::SIZE;
 
 /// A small motion: a turn about `center`, then a shift.
@@ -29,15 +32,30 @@ Eigen::Isometry3d motionOf(const Vector6d& x, const Eigen::Vector3d& center) {
 }
 
 /// The motion of the source that brings it onto the model, to first order.
-Eigen::Isometry3d stepOf(const IcpPairs& pairs, const Eigen::Vector3d& center,
-                         const std::string& method) {
-  auto equations = normalEquations(pairs, center, method);
+Eigen::Isometry3d stepOf(NormalEquations equations, const Eigen::Vector3d& center) {
   auto diagonal = equations.A.diagonal();
   const double rotation = diagonal.head<3>().mean(), shift = diagonal.tail<3>().mean();
   diagonal.head<3>().array() += DAMPING * rotation + 1e-12;
   diagonal.tail<3>().array() += DAMPING * shift + 1e-12;
   return motionOf(equations.A.ldlt().solve(equations.b), center);
 }
+
+/// Whether steps still bring the points nearer: near its end ICP may go to and fro between pairs.
+class Progress {
+ public:
+  bool isIdle() const { return idle_steps_ >= MAX_IDLE_STEPS; }
+
+  void add(double mean_square) {
+    ++idle_steps_;
+    if (mean_square >= (1 - MIN_PROGRESS) * least_) return;
+    least_ = mean_square;
+    idle_steps_ = 0;
+  }
+
+ private:
+  double least_ = std::numeric_limits<double>::infinity();
+  int idle_steps_ = 0;
+};
 
 /// The rotation nearest to the pose's, against drift over many small steps.
 void orthonormalize(Eigen::Isometry3d& T) {
@@ -88,18 +106,24 @@ Found<Alignment> refinePose(const PlanarSurface& cluster, const NearestGrid& mod
   Alignment alignment;
   IcpPairs pairs(cluster);
   double distance = std::max(options.start_distance, options.max_distance);
+  const bool stops_idle = options.min_rotation > 0 && options.min_translation > 0;
+  Progress progress;
   for (; alignment.iterations < options.max_iterations && !alignment.converged;
        ++alignment.iterations) {
     pairs.find(model, T_object_camera, distance, options.trim);
     if (pairs.kept() < MIN_POINTS) break;
     const Eigen::Vector3d center = T_object_camera * extent.middle;
-    const Eigen::Isometry3d step = stepOf(pairs, center, options.method);
+    const auto equations = normalEquations(pairs, center, options.method);
+    const Eigen::Isometry3d step = stepOf(equations, center);
     T_object_camera = step * T_object_camera;
     orthonormalize(T_object_camera);
 
-    alignment.converged = distance <= options.max_distance &&
-                          angleOf(step.linear()) < options.min_rotation &&
-                          (step * center - center).norm() < options.min_translation;
+    if (distance <= options.max_distance) {
+      progress.add(equations.cost / pairs.kept());
+      alignment.converged = (angleOf(step.linear()) < options.min_rotation &&
+                             (step * center - center).norm() < options.min_translation) ||
+                            (stops_idle && progress.isIdle());
+    }
     distance = std::max(options.max_distance, SHRINK * distance);
   }
 

@@ -84,6 +84,7 @@ Fit fitFrom(const Fit& start, const Scene& scene, const RefineOptions& refine) {
   fit.at_hand = start.at_hand;
   fit.T_camera_object = alignment ? alignment->T_camera_object : start.T_camera_object;
   const Eigen::Isometry3f T_object_camera = fit.T_camera_object.inverse().cast<float>();
+  fit.squares.reserve(scene.points.size());
   double sum = 0;
   for (const auto& point : scene.points.points) {
     const Eigen::Vector3f p = T_object_camera * point;
