@@ -40,11 +40,11 @@ class NearestGrid {
   }
 
   /// Moves a block of points into the surface's frame and finds the nearest of each. None farther
-  /// than the root of `max_squared` [m^2], and none where the normals disagree: they differ by more
-  /// than 60 degrees, either way round, for the nearest point of a thin wall may lie on its other
-  /// side.
+  /// than the root of `max_squared` [m^2], and none where the normals disagree: the cosine of their
+  /// angle, either way round, is below `min_normal_dot`. The nearest point of a thin wall may lie
+  /// on its other side.
   void correspond(const PlanarBlock& points, const Eigen::Isometry3f& T_surface_points,
-                  float max_squared, Correspondences& out) const;
+                  float max_squared, Correspondences& out, float min_normal_dot = 0.5f) const;
 
   /// Bytes that it occupies.
   std::size_t memory() const;
@@ -52,8 +52,11 @@ class NearestGrid {
  private:
   /// A point and its normal, side by side in one cache line.
   struct alignas(32) Facet {
-    float x, y, z, nx, ny, nz;
+    float x, y, z, nx, ny, nz, unused[2];
   };
+
+  static void unpack(const Facet& a, const Facet& b, const Facet& c, const Facet& d, int at,
+                     Correspondences& out);
 
   int indexAt(std::size_t cell) const {
     return wide_cells_.empty() ? cells_[cell] : static_cast<int>(wide_cells_[cell]);

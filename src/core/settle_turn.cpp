@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <unordered_map>
 
 #include "near_model.h"
+#include "simd.h"
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/symmetry.h"
 #include "voxel_key.h"
@@ -75,6 +77,16 @@ void spinByColor(const Scene& scene, Fit& fit) {
   fit.color_cost = -COLOR_PATCHES * std::log(std::max(*fit.color, LEAST_LIKENESS));
 }
 
+/// Squared distances of points from the model's tangent planes [m^2].
+TABLETOP_SIMD_CLONES void squareOffsets(const Correspondences& block, float* squares) {
+  constexpr auto FAR = static_cast<float>(TURN_DISTANCE * TURN_DISTANCE);
+  for (int i = 0; i < Correspondences::SIZE; ++i) {
+    const float off =
+        block.dx[i] * block.nx[i] + block.dy[i] * block.ny[i] + block.dz[i] * block.nz[i];
+    squares[i] = block.squared[i] <= FAR ? off * off : FAR;
+  }
+}
+
 /// ICP of the points from where a fit is, and how they lie then.
 Fit fitFrom(const Fit& start, const Scene& scene, const RefineOptions& refine) {
   const auto& grid = scene.index.grid(scene.model);
@@ -84,19 +96,15 @@ Fit fitFrom(const Fit& start, const Scene& scene, const RefineOptions& refine) {
   fit.at_hand = start.at_hand;
   fit.T_camera_object = alignment ? alignment->T_camera_object : start.T_camera_object;
   const Eigen::Isometry3f T_object_camera = fit.T_camera_object.inverse().cast<float>();
-  fit.squares.reserve(scene.points.size());
-  double sum = 0;
-  for (const auto& point : scene.points.points) {
-    const Eigen::Vector3f p = T_object_camera * point;
-    const int nearest = grid.nearest(p);
-    double off = TURN_DISTANCE;
-    if (nearest >= 0) {
-      const Eigen::Vector3f away = p - surface.points[nearest];
-      if (away.norm() < TURN_DISTANCE) off = away.dot(surface.normals[nearest]);
-    }
-    fit.squares.push_back(static_cast<float>(off * off));
-    sum += off * off;
+  Correspondences block;
+  fit.squares.resize(scene.source.blocks.size() * Correspondences::SIZE);
+  for (std::size_t b = 0; b < scene.source.blocks.size(); ++b) {
+    grid.correspond(scene.source.blocks[b], T_object_camera,
+                    static_cast<float>(TURN_DISTANCE * TURN_DISTANCE), block, 0);
+    squareOffsets(block, &fit.squares[b * Correspondences::SIZE]);
   }
+  fit.squares.resize(scene.points.size());
+  const double sum = std::accumulate(fit.squares.begin(), fit.squares.end(), 0.0);
   fit.mean_square = sum / static_cast<double>(scene.points.size());
   if (scene.table) fit.contact_cost = contactCost(surface, fit.T_camera_object, *scene.table);
   spinByColor(scene, fit);
