@@ -50,13 +50,10 @@ class NearestGrid {
   std::size_t memory() const;
 
  private:
-  /// A point and its normal, side by side in one cache line.
+  /// A point and its normal, side by side in one cache line: two registers of four.
   struct alignas(32) Facet {
     float x, y, z, nx, ny, nz, unused[2];
   };
-
-  static void unpack(const Facet& a, const Facet& b, const Facet& c, const Facet& d, int at,
-                     Correspondences& out);
 
   int indexAt(std::size_t cell) const {
     return wide_cells_.empty() ? cells_[cell] : static_cast<int>(wide_cells_[cell]);

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "lowest_point.h"
 #include "marks.h"
 #include "near_model.h"
 #include "polish_pose.h"
@@ -377,9 +378,8 @@ class Decision {
     std::vector<Eigen::Vector3f> surface;
     for (const auto& p : index_.sparse(hypothesis.model).surface.points) surface.push_back(T * p);
     const Table& table = tables_[tableUnder(tables_, centroidOf(surface))];
-    double lowest = std::numeric_limits<double>::infinity();
-    for (const auto& p : index_.models()[hypothesis.model].surface.points)
-      lowest = std::min(lowest, heightAbove(table, T * p));
+    const double lowest = lowestAbove(table, hypothesis.T_camera_object,
+                                      index_.models()[hypothesis.model].surface.points);
     return isCarried(hypothesis, surface, table, lowest) ? 0 : lowest;
   }
 

@@ -53,6 +53,32 @@ TABLETOP_SIMD_CLONES void locate(const PlanarBlock& __restrict points,
   }
 }
 
+/// Lays four facets side by side, from the point `at` on.
+template <typename Facet>
+inline void unpack(const Facet& a, const Facet& b, const Facet& c, const Facet& d, int at,
+                   Correspondences& out) {
+  using Four = float __attribute__((vector_size(16)));
+  const auto four = [](const float* from) {
+    Four values;
+    std::memcpy(&values, from, sizeof values);
+    return values;
+  };
+  const auto store = [&](Four values, float* to) { std::memcpy(to + at, &values, sizeof values); };
+  const Four xyz_a = four(&a.x), xyz_b = four(&b.x), xyz_c = four(&c.x), xyz_d = four(&d.x);
+  const Four xy_ab = __builtin_shufflevector(xyz_a, xyz_b, 0, 4, 1, 5);
+  const Four xy_cd = __builtin_shufflevector(xyz_c, xyz_d, 0, 4, 1, 5);
+  const Four z_ab = __builtin_shufflevector(xyz_a, xyz_b, 2, 6, 3, 7);  // and the normals' x
+  const Four z_cd = __builtin_shufflevector(xyz_c, xyz_d, 2, 6, 3, 7);
+  store(__builtin_shufflevector(xy_ab, xy_cd, 0, 1, 4, 5), out.dx);
+  store(__builtin_shufflevector(xy_ab, xy_cd, 2, 3, 6, 7), out.dy);
+  store(__builtin_shufflevector(z_ab, z_cd, 0, 1, 4, 5), out.dz);
+  store(__builtin_shufflevector(z_ab, z_cd, 2, 3, 6, 7), out.nx);
+  const Four yz_ab = __builtin_shufflevector(four(&a.ny), four(&b.ny), 0, 4, 1, 5);
+  const Four yz_cd = __builtin_shufflevector(four(&c.ny), four(&d.ny), 0, 4, 1, 5);
+  store(__builtin_shufflevector(yz_ab, yz_cd, 0, 1, 4, 5), out.ny);
+  store(__builtin_shufflevector(yz_ab, yz_cd, 2, 3, 6, 7), out.nz);
+}
+
 /// Turns nearest points into correspondences. `out`: with the nearest points in dx, dy, dz.
 TABLETOP_SIMD_CLONES void judge(const PlanarBlock& points, const Lattice& lattice,
                                 const std::int32_t* cells, float max_squared, float min_squared_dot,
@@ -77,31 +103,6 @@ TABLETOP_SIMD_CLONES void judge(const PlanarBlock& points, const Lattice& lattic
 }
 
 }  // namespace
-
-/// Lays four facets side by side, from the point `at` on.
-void NearestGrid::unpack(const Facet& a, const Facet& b, const Facet& c, const Facet& d, int at,
-                         Correspondences& out) {
-  using Four = float __attribute__((vector_size(16)));
-  const auto four = [](const float* from) {
-    Four values;
-    std::memcpy(&values, from, sizeof values);
-    return values;
-  };
-  const auto store = [&](Four values, float* to) { std::memcpy(to + at, &values, sizeof values); };
-  const Four xyz_a = four(&a.x), xyz_b = four(&b.x), xyz_c = four(&c.x), xyz_d = four(&d.x);
-  const Four xy_ab = __builtin_shufflevector(xyz_a, xyz_b, 0, 4, 1, 5);
-  const Four xy_cd = __builtin_shufflevector(xyz_c, xyz_d, 0, 4, 1, 5);
-  const Four z_ab = __builtin_shufflevector(xyz_a, xyz_b, 2, 6, 3, 7);  // and the normals' x
-  const Four z_cd = __builtin_shufflevector(xyz_c, xyz_d, 2, 6, 3, 7);
-  store(__builtin_shufflevector(xy_ab, xy_cd, 0, 1, 4, 5), out.dx);
-  store(__builtin_shufflevector(xy_ab, xy_cd, 2, 3, 6, 7), out.dy);
-  store(__builtin_shufflevector(z_ab, z_cd, 0, 1, 4, 5), out.dz);
-  store(__builtin_shufflevector(z_ab, z_cd, 2, 3, 6, 7), out.nx);
-  const Four yz_ab = __builtin_shufflevector(four(&a.ny), four(&b.ny), 0, 4, 1, 5);
-  const Four yz_cd = __builtin_shufflevector(four(&c.ny), four(&d.ny), 0, 4, 1, 5);
-  store(__builtin_shufflevector(yz_ab, yz_cd, 0, 1, 4, 5), out.ny);
-  store(__builtin_shufflevector(yz_ab, yz_cd, 2, 3, 6, 7), out.nz);
-}
 
 NearestGrid::NearestGrid(const Surface& surface, double cell, double margin) {
   if (surface.empty()) throw std::invalid_argument("nearest grid: the surface has no points");

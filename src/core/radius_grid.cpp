@@ -138,8 +138,14 @@ void RadiusGrid::appendWithin(const Eigen::Vector3f& p, std::vector<int>& indice
     for (; first < end; first += CHUNK) {
       const int count = std::min(CHUNK, end - first);
       squaredDistances(&x_[first], &y_[first], &z_[first], count, p.data(), squared.data());
-      for (int i = 0; i < count; ++i)
-        if (squared[i] <= squared_radius_) indices.push_back(indices_[first + i]);
+      // All are written, those within stay: which ones are is hard to foresee for a processor.
+      std::size_t size = indices.size();
+      indices.resize(size + count);
+      for (int i = 0; i < count; ++i) {
+        indices[size] = indices_[first + i];
+        size += squared[i] <= squared_radius_;
+      }
+      indices.resize(size);
     }
   });
 }

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <unordered_map>
 
+#include "lowest_point.h"
 #include "near_model.h"
 #include "simd.h"
 #include "tabletop_perception/geometry.h"
@@ -56,9 +56,7 @@ struct Scene {
 /// How unlikely it is that a model stands on the table like this: negative log likelihood.
 double contactCost(const Surface& model, const Eigen::Isometry3d& T_camera_object,
                    const Table& table) {
-  const Eigen::Isometry3f T = T_camera_object.cast<float>();
-  double lowest = std::numeric_limits<double>::infinity();
-  for (const auto& p : model.points) lowest = std::min(lowest, heightAbove(table, T * p));
+  const double lowest = lowestAbove(table, T_camera_object, model.points);
   const double gap = std::min(std::abs(lowest), MAX_CONTACT_GAP) / CONTACT_NOISE;
   return gap * gap / 2;
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "lowest_point.h"
 #include "tabletop_perception/logistic.h"
 #include "tabletop_perception/surface_color.h"
 
@@ -61,10 +62,7 @@ std::vector<Eigen::Vector3f> pointsOf(const PlanarSurface& surface) {
 
 /// How deep a model reaches below the table's surface [m].
 double sinkOf(const Surface& model, const Eigen::Isometry3d& T_camera_object, const Table& table) {
-  const Eigen::Isometry3f T = T_camera_object.cast<float>();
-  double lowest = 0;
-  for (const auto& p : model.points) lowest = std::min(lowest, heightAbove(table, T * p));
-  return -lowest;
+  return std::max(0.0, -lowestAbove(table, T_camera_object, model.points));
 }
 
 std::string refusal(const Verification& verification, const VerifyOptions& options) {
