@@ -207,17 +207,22 @@ Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double
 }
 
 Indices pointsBetween(const Cloud& cloud, const Eigen::Vector4d& plane, double low, double high) {
-  const Eigen::Vector4f q = plane.cast<float>();
   Indices between;
   between.reserve(cloud.size());
+  appendBetween(cloud, 0, cloud.size(), plane, low, high, between);
+  return between;
+}
+
+void appendBetween(const Cloud& cloud, std::size_t begin, std::size_t end,
+                   const Eigen::Vector4d& plane, double low, double high, Indices& between) {
+  const Eigen::Vector4f q = plane.cast<float>();
   std::uint8_t marks[MARKS];  // of a few points: they stay cached
-  for (std::size_t i = 0; i < cloud.size(); i += MARKS) {
-    const std::size_t count = std::min(MARKS, cloud.size() - i);
+  for (std::size_t i = begin; i < end; i += MARKS) {
+    const std::size_t count = std::min(MARKS, end - i);
     markBetween(&cloud.x[i], &cloud.y[i], &cloud.z[i], count, q.data(), static_cast<float>(low),
                 static_cast<float>(high), marks);
     appendMarked(marks, count, i, between);
   }
-  return between;
 }
 
 Cloud samplePoints(const Cloud& cloud, std::size_t size) {
