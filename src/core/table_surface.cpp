@@ -150,7 +150,7 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Cloud& sample, const Eigen::
   const double band =
       fit ? std::clamp(3 * fit->rms, options.distance / 4, options.distance) : options.distance;
   if (fit) fit = fitPlaneNear(sample, fit->plane, band);
-  if (fit) fit = fitPlaneNear(cloud, fit->plane, band, shareOf(cloud.size()));
+  if (fit) fit = fitPlaneNear(cloud, fit->plane, band);
   if (!fit) return Found<Table>::none("a plane of fewer than 3 points");
   // The free side is where up points or, when up is not known, where the camera is.
   const double free_side = up ? fit->plane.head<3>().dot(*up) : fit->plane[3];
