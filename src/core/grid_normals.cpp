@@ -13,8 +13,7 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr int LANES = 32;  // pixels that the kernel takes at once: loops over fewer are
-                           // unrolled before the compiler thinks of vectorising them
+constexpr int LANES = LaneMoments::LANES;  // pixels that are taken at once
 constexpr float NONE = std::numeric_limits<float>::quiet_NaN();
 
 /// Every step-th pixel of a cloud with a border of pixels without a point, so that windows need no
@@ -51,34 +50,54 @@ struct PaddedGrid {
   }
 };
 
-using NormalBlock = LaneNormals<LANES>;  // of pixels in a row
-
-/// Normals and curvatures of the windows about LANES pixels in a row, from the first on.
+/// The sums over the windows of LANES pixels in a row, coordinates relative to the pixel, which
+/// keeps single precision exact enough. A few pixels at a time: their ten sums stay in registers.
 TABLETOP_SIMD_CLONES
-void normalsOfBlock(const float* x, const float* y, const float* z, const float* range,
-                    std::ptrdiff_t width, int half, float max_change, NormalBlock* out) {
-  LaneMoments<LANES> sums;
-  for (int v = -half; v <= half; ++v)
-    for (int u = -half; u <= half; ++u) {
-      const std::ptrdiff_t offset = v * width + u;
-      for (int l = 0; l < LANES; ++l) {
-        const std::ptrdiff_t j = offset + l;
-        const bool near = std::abs(range[j] - range[l]) <= max_change * range[l];  // not for NaN
-        const float dx = zeroUnless(near, x[j] - x[l]), dy = zeroUnless(near, y[j] - y[l]),
-                    dz = zeroUnless(near, z[j] - z[l]);
-        sums.n[l] += zeroUnless(near, 1.0f);
-        sums.x[l] += dx;
-        sums.y[l] += dy;
-        sums.z[l] += dz;
-        sums.xx[l] += dx * dx;
-        sums.xy[l] += dx * dy;
-        sums.xz[l] += dx * dz;
-        sums.yy[l] += dy * dy;
-        sums.yz[l] += dy * dz;
-        sums.zz[l] += dz * dz;
+void sumWindows(const float* x, const float* y, const float* z, const float* range,
+                std::ptrdiff_t width, int half, float max_change, LaneMoments* out) {
+  for (int first = 0; first < LANES; first += FLOATS) {
+    Floats x0, y0, z0, range0;
+    load(x + first, x0);
+    load(y + first, y0);
+    load(z + first, z0);
+    load(range + first, range0);
+    const Floats limit = max_change * range0;
+    Floats n{}, sx{}, sy{}, sz{}, xx{}, xy{}, xz{}, yy{}, yz{}, zz{};
+    for (int v = -half; v <= half; ++v)
+      for (int u = -half; u <= half; ++u) {
+        const std::ptrdiff_t at = first + v * width + u;
+        Floats dx, dy, dz, change;
+        load(x + at, dx);
+        load(y + at, dy);
+        load(z + at, dz);
+        load(range + at, change);
+        change -= range0;
+        const auto near = (change <= limit) & (change >= -limit);  // not for NaN
+        keepWhere(near, dx -= x0);
+        keepWhere(near, dy -= y0);
+        keepWhere(near, dz -= z0);
+        n -= __builtin_convertvector(near, Floats);  // true is -1
+        sx += dx;
+        sy += dy;
+        sz += dz;
+        xx += dx * dx;
+        xy += dx * dy;
+        xz += dx * dz;
+        yy += dy * dy;
+        yz += dy * dz;
+        zz += dz * dz;
       }
-    }
-  planesOfMoments(sums, *out);
+    store(n, out->n + first);
+    store(sx, out->x + first);
+    store(sy, out->y + first);
+    store(sz, out->z + first);
+    store(xx, out->xx + first);
+    store(xy, out->xy + first);
+    store(xz, out->xz + first);
+    store(yy, out->yy + first);
+    store(yz, out->yz + first);
+    store(zz, out->zz + first);
+  }
 }
 
 /// Gives the pixels between the computed ones the normal of the nearest of the four around them
@@ -125,9 +144,11 @@ Normals computeGridNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
     for (int column = 0; column < grid.columns; column += LANES) {
       const std::size_t first = grid.at(row, column);
       if (!grid.anyIn(first)) continue;
-      NormalBlock block;
-      normalsOfBlock(grid.x.data() + first, grid.y.data() + first, grid.z.data() + first,
-                     grid.range.data() + first, grid.width, half, change, &block);
+      LaneMoments sums;
+      sumWindows(grid.x.data() + first, grid.y.data() + first, grid.z.data() + first,
+                 grid.range.data() + first, grid.width, half, change, &sums);
+      LaneNormals block;
+      fitPlanes(sums, block);
       const int count = std::min(LANES, grid.columns - column);
       for (int l = 0; l < count; ++l) {
         const std::size_t i = static_cast<std::size_t>(row) * options.step * cloud.width +

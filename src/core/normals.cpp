@@ -10,27 +10,20 @@
 #include "integral_normals.h"
 #include "plane_of_moments.h"
 #include "radius_grid.h"
-#include "simd.h"
 #include "tabletop_perception/kd_tree.h"
 #include "voxel_numbers.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr int LANES = 32;  // planes that are fitted at once
-
-TABLETOP_SIMD_CLONES
-void fitPlanes(const LaneMoments<LANES>& moments, LaneNormals<LANES>& normals) {
-  planesOfMoments(moments, normals);
-}
-
 /// Fits a plane to each of `count` neighbourhoods. Calls take(i, normal, curvature) for those whose
 /// points are enough and lie on no line. `momentsOf(i)`: of the points of one.
 template <typename MomentsOf, typename Take>
 void visitPlanes(std::size_t count, MomentsOf momentsOf, Take take) {
+  constexpr std::size_t LANES = LaneMoments::LANES;
   for (std::size_t first = 0; first < count; first += LANES) {
-    const int lanes = static_cast<int>(std::min<std::size_t>(LANES, count - first));
-    LaneMoments<LANES> all;
+    const int lanes = static_cast<int>(std::min(LANES, count - first));
+    LaneMoments all;
     for (int l = 0; l < lanes; ++l) {
       const Moments moments = momentsOf(first + l);
       all.n[l] = static_cast<float>(moments.count);
@@ -44,7 +37,7 @@ void visitPlanes(std::size_t count, MomentsOf momentsOf, Take take) {
       all.yz[l] = moments.products(1, 2);
       all.zz[l] = moments.products(2, 2);
     }
-    LaneNormals<LANES> planes;
+    LaneNormals planes;
     fitPlanes(all, planes);
     for (int l = 0; l < lanes; ++l)
       if (!std::isnan(planes.x[l]))
