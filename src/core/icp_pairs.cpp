@@ -78,7 +78,7 @@ NormalEquations equationsOfPlanes(const IcpPairs& pairs, const Eigen::Vector3d& 
       for (const float lane : products.lanes[k]) sum += lane;
       all(a, b) = all(b, a) = sum;
     }
-  return {all.topLeftCorner<6, 6>(), all.topRightCorner<6, 1>(), all(6, 6)};
+  return {all.topLeftCorner<6, 6>(), all.topRightCorner<6, 1>()};
 }
 
 Eigen::Matrix3d crossMatrix(const Eigen::Vector3d& v) {
@@ -105,7 +105,6 @@ NormalEquations weightedEquations(const IcpPairs& pairs, const Eigen::Vector3d& 
     const Eigen::Matrix<double, 6, 3> weighted = J.transpose() * weight;
     equations.A += weighted * J;
     equations.b += weighted * d;
-    equations.cost += d.dot(weight * d);
   });
   return equations;
 }

@@ -56,7 +56,6 @@ class IcpPairs {
 struct NormalEquations {
   Matrix6d A = Matrix6d::Zero();
   Vector6d b = Vector6d::Zero();
-  double cost = 0;  ///< sum of the squares that the motion is to make smaller, before it
 };
 
 /// What brings the pairs together, by what is measured between them: "point_to_plane", the distance

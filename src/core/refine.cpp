@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -17,8 +16,8 @@ constexpr double SHRINK = 0.8;  // of the correspondence distance per iteration
 constexpr double DAMPING =
     1e-2;  // of the normal equations' mean diagonal: free directions stay put
 constexpr int MIN_POINTS = 6;
-constexpr int MAX_IDLE_STEPS = 4;      // that bring the points no nearer
-constexpr double MIN_PROGRESS = 1e-3;  // of their mean square, share
+constexpr std::size_t LONGEST_CYCLE = 6;  // of poses that ICP goes through over and over
+constexpr double SAME_POSE = 0.2;         // of the least step, where ICP comes back to
 constexpr int SIZE = PlanarBlock::SIZE;
 
 /// A small motion: a turn about `center`, then a shift.
@@ -32,7 +31,9 @@ Eigen::Isometry3d motionOf(const Vector6d& x, const Eigen::Vector3d& center) {
 }
 
 /// The motion of the source that brings it onto the model, to first order.
-Eigen::Isometry3d stepOf(NormalEquations equations, const Eigen::Vector3d& center) {
+Eigen::Isometry3d stepOf(const IcpPairs& pairs, const Eigen::Vector3d& center,
+                         const std::string& method) {
+  auto equations = normalEquations(pairs, center, method);
   auto diagonal = equations.A.diagonal();
   const double rotation = diagonal.head<3>().mean(), shift = diagonal.tail<3>().mean();
   diagonal.head<3>().array() += DAMPING * rotation + 1e-12;
@@ -40,21 +41,34 @@ Eigen::Isometry3d stepOf(NormalEquations equations, const Eigen::Vector3d& cente
   return motionOf(equations.A.ldlt().solve(equations.b), center);
 }
 
-/// Whether steps still bring the points nearer: near its end ICP may go to and fro between pairs.
-class Progress {
+/// The last poses of a cluster in the model's frame. Near its end ICP may go to and fro between
+/// pairs of points for ever.
+class Trail {
  public:
-  bool isIdle() const { return idle_steps_ >= MAX_IDLE_STEPS; }
+  Trail(const Eigen::Vector3d& middle, const RefineOptions& options)
+      : middle_(middle), options_(options) {}
 
-  void add(double mean_square) {
-    ++idle_steps_;
-    if (mean_square >= (1 - MIN_PROGRESS) * least_) return;
-    least_ = mean_square;
-    idle_steps_ = 0;
+  /// Whether a pose is the last one up to the least step, or an earlier one up to much less: then
+  /// it gets no farther.
+  bool endsAt(const Eigen::Isometry3d& T_object_camera) const {
+    return std::any_of(last_.begin(), last_.end(), [&](const Eigen::Isometry3d& other) {
+      const double share = &other == &last_.back() ? 1 : SAME_POSE;
+      return (T_object_camera * middle_ - other * middle_).norm() <
+                 share * options_.min_translation &&
+             angleOf(T_object_camera.linear() * other.linear().transpose()) <
+                 share * options_.min_rotation;
+    });
+  }
+
+  void add(const Eigen::Isometry3d& T_object_camera) {
+    if (last_.size() == LONGEST_CYCLE) last_.erase(last_.begin());
+    last_.push_back(T_object_camera);
   }
 
  private:
-  double least_ = std::numeric_limits<double>::infinity();
-  int idle_steps_ = 0;
+  const Eigen::Vector3d middle_;
+  const RefineOptions& options_;
+  std::vector<Eigen::Isometry3d> last_;
 };
 
 /// The rotation nearest to the pose's, against drift over many small steps.
@@ -106,24 +120,16 @@ Found<Alignment> refinePose(const PlanarSurface& cluster, const NearestGrid& mod
   Alignment alignment;
   IcpPairs pairs(cluster);
   double distance = std::max(options.start_distance, options.max_distance);
-  const bool stops_idle = options.min_rotation > 0 && options.min_translation > 0;
-  Progress progress;
+  Trail trail(extent.middle, options);
   for (; alignment.iterations < options.max_iterations && !alignment.converged;
        ++alignment.iterations) {
     pairs.find(model, T_object_camera, distance, options.trim);
     if (pairs.kept() < MIN_POINTS) break;
     const Eigen::Vector3d center = T_object_camera * extent.middle;
-    const auto equations = normalEquations(pairs, center, options.method);
-    const Eigen::Isometry3d step = stepOf(equations, center);
-    T_object_camera = step * T_object_camera;
+    if (distance <= options.max_distance) trail.add(T_object_camera);
+    T_object_camera = stepOf(pairs, center, options.method) * T_object_camera;
     orthonormalize(T_object_camera);
-
-    if (distance <= options.max_distance) {
-      progress.add(equations.cost / pairs.kept());
-      alignment.converged = (angleOf(step.linear()) < options.min_rotation &&
-                             (step * center - center).norm() < options.min_translation) ||
-                            (stops_idle && progress.isIdle());
-    }
+    alignment.converged = trail.endsAt(T_object_camera);
     distance = std::max(options.max_distance, SHRINK * distance);
   }
 
