@@ -1,7 +1,10 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -39,6 +42,7 @@ struct Sighting {
   Eigen::Isometry3d T_world_object;                    ///< in the same frame at every call
   PoseCovariance covariance = PoseCovariance::Zero();  ///< zero: not known, nothing is filtered
   Symmetry symmetry;                                   ///< of the object
+  std::optional<Eigen::Vector3d> middle;  ///< of what was seen of it, where it is known
 };
 
 /// A thing as the tracker knows it.
@@ -54,7 +58,9 @@ struct TrackedThing {
 ///
 /// A sighting takes over the id of a thing of its name that was seen within `max_step` of it less
 /// than `memory` ago, nearest pairs first; any other is a new thing. Ids count up from 1 and are
-/// never used twice, whatever the name.
+/// never used twice, whatever the name. A thing that has lost its name for some frames, in
+/// somebody's hand say, is followed meanwhile by the middle of an unknown thing that was no farther
+/// away.
 ///
 /// Of poses that look the same the one nearest to the last is taken. A pose is the mean of all
 /// sightings by their covariances (a Kalman filter of a thing at rest) until one contradicts it:
@@ -77,10 +83,20 @@ class Tracker {
  private:
   struct Track {
     TrackedThing thing;
-    double first, last;  ///< sighting [s]
+    double first, last;                     ///< sighting [s]
+    std::optional<Eigen::Vector3d> middle;  ///< of what was seen of it last, under whatever name
   };
 
+  struct Pair {
+    double distance;  ///< [m]
+    std::size_t track, sighting;
+  };
+
+  /// One to one, track and sighting, the nearest first.
+  static std::vector<std::pair<std::size_t, std::size_t>> nearestPairs(std::vector<Pair> pairs);
+  double distanceBetween(const Track& track, const Sighting& sighting) const;
   void add(Track& track, double stamp, const Sighting& sighting) const;
+  void followUnnamed(const std::vector<Sighting>& sightings);
 
   TrackerOptions options_;
   std::vector<Track> tracks_;

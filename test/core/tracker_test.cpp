@@ -121,6 +121,45 @@ TEST(Tracker, idsStayWhenTheClockJumpsBack) {
       << "memory goes on";
 }
 
+/// Seen about its frame's origin.
+Sighting seenAt(const std::string& name, double x) {
+  Sighting sighting = at(name, x);
+  sighting.middle = sighting.T_world_object.translation();
+  return sighting;
+}
+
+TEST(Tracker, aThingThatLosesItsNameOnTheWayKeepsItsId) {
+  Tracker tracker;
+  ASSERT_EQ(idsOf(tracker.update(0, {seenAt("milk", 0)})), Ids{1});
+  for (int frame = 1; frame < 10; ++frame)
+    EXPECT_EQ(idsOf(tracker.update(0.1 * frame, {seenAt("unknown", 0.05 * frame)})), Ids{2});
+  EXPECT_EQ(idsOf(tracker.update(1, {seenAt("milk", 0.5)})), Ids{1});
+}
+
+TEST(Tracker, anUnknownThingFarAwayDoesNotCarryAName) {
+  Tracker tracker;
+  tracker.update(0, {seenAt("milk", 0)});
+  for (int frame = 1; frame < 10; ++frame)
+    tracker.update(0.1 * frame, {seenAt("unknown", 0.3 + 0.02 * frame)});
+  EXPECT_EQ(idsOf(tracker.update(1, {seenAt("milk", 0.5)})), Ids{3});
+}
+
+TEST(Tracker, aHandThatPassesDoesNotTakeAThingsIdAway) {
+  Tracker tracker;
+  tracker.update(0, {seenAt("milk", 0)});
+  for (int frame = 1; frame < 10; ++frame)  // over the thing and on
+    tracker.update(0.1 * frame, {seenAt("unknown", 0.08 * frame - 0.1)});
+  EXPECT_EQ(idsOf(tracker.update(1, {seenAt("milk", 0)})), Ids{1});
+}
+
+TEST(Tracker, whatIsNamedCarriesNoOtherName) {
+  Tracker tracker;
+  tracker.update(0, {seenAt("milk", 0)});
+  for (int frame = 1; frame < 10; ++frame)
+    tracker.update(0.1 * frame, {seenAt("can", 0.05 * frame)});
+  EXPECT_EQ(idsOf(tracker.update(1, {seenAt("milk", 0.5)})), Ids{3});
+}
+
 TEST(Tracker, aFrameWithoutThingsHasNoIds) { EXPECT_TRUE(Tracker().update(0, {}).empty()); }
 
 TEST(Tracker, aThingIsConfirmedOnceItWasSeenLongEnough) {

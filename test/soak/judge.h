@@ -57,6 +57,7 @@ struct Verdict {
   std::size_t due = 0;        ///< objects at rest in plain view, over all answers
   std::size_t shown = 0;      ///< of them with a right frame
   tools::Spread shift, turn;  ///< right frames of objects at rest, from their means [m, rad]
+  std::map<std::string, tools::Deviations> rests;  ///< the same, by object
 
   std::vector<std::string> faults;  ///< each switch, flicker, wrong and stale frame, in words
 };

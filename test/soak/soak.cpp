@@ -190,6 +190,10 @@ int run(const Arguments& arguments, const Sequence& sequence, ros::NodeHandle& n
   options.grace = arguments.grace;
   const Verdict verdict = judge(recorder.clouds(), truth, models, options);
   for (const auto& fault : verdict.faults) std::fprintf(stderr, "%s\n", fault.c_str());
+  for (const auto& [name, rest] : verdict.rests)
+    std::fprintf(stderr, "%s at rest: %zu right frames, %.2f mm %.2f deg (p95)\n", name.c_str(),
+                 rest.shifts.size(), 1e3 * tools::spreadOf(rest.shifts).p95,
+                 tools::spreadOf(rest.turns).p95 * 180 / M_PI);
   std::printf(
       "soak %.1f min at %.0f Hz: clouds %zu offered %zu processed %zu dropped; "
       "latency %.0f ms p50 %.0f ms p99; manager %.2f cores, camera and judge %.2f; "
