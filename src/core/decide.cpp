@@ -28,6 +28,7 @@ constexpr double TAKEN_SHARE = 0.5;    // of a cluster that objects explain: it 
 constexpr double UNDERSIDE = 0.03;     // of a thing, about its lowest point [m]
 constexpr double CARRIER_NEAR = 0.01;  // what carries a thing lies no farther beside it [m]
 constexpr int MIN_CARRIER_POINTS = 10;
+constexpr float SEEN_PAST = 0.02f;       // farther behind a point the camera has seen past it [m]
 constexpr double MIN_LEFT_SHARE = 0.15;  // of a cluster that is worth another look
 constexpr double FOLLOWED_SHIFT = 0.01;  // farthest that a thing at rest seems to move [m]
 constexpr double FOLLOWED_TURN = 0.1;    // [rad]
@@ -62,6 +63,23 @@ Eigen::Vector3f middleOf(const std::vector<Surface>& parts) {
   for (const auto& part : parts)
     points.insert(points.end(), part.points.begin(), part.points.end());
   return centroidOf(points);
+}
+
+/// Whether the camera looked past most of some points, of those that nothing nearer hides from it:
+/// nothing is there.
+bool isSeenThrough(const Observation& observation, const std::vector<Eigen::Vector3f>& points) {
+  if (!observation.projection || !observation.sightings) return false;
+  const auto& camera = *observation.projection;
+  int past = 0, there = 0;
+  for (const auto& p : points) {
+    const Eigen::Vector2d pixel = camera.pixel(p.cast<double>());
+    const auto u = std::lround(pixel.x()), v = std::lround(pixel.y());
+    if (u < 0 || v < 0 || u >= camera.width || v >= camera.height) continue;
+    const float range = (*observation.sightings)[v * camera.width + u].range;
+    past += range > p.norm() + SEEN_PAST;
+    there += std::abs(range - p.norm()) <= SEEN_PAST;
+  }
+  return past > there;
 }
 
 /// A candidate after ICP, and what the camera says about it.
@@ -430,18 +448,21 @@ class Decision {
     return isCarried(hypothesis, surface, table, lowest) ? 0 : lowest;
   }
 
-  /// Whether points that a thing does not explain lie right under it.
+  /// Whether points that a thing does not explain lie right under it, and not all that there is
+  /// under these is air.
   bool isCarried(const Hypothesis& hypothesis, const std::vector<Eigen::Vector3f>& surface,
                  const Table& table, double lowest) const {
     if (lowest < UNDERSIDE) return false;
     const Eigen::Vector3f up = table.plane.head<3>().cast<float>();
-    std::vector<Eigen::Vector3f> foot;
-    Eigen::AlignedBox3f about;  // what carries it lies in there
+    std::vector<Eigen::Vector3f> foot, below;  // `below`: half-way down to the table
+    Eigen::AlignedBox3f about;                 // what carries it lies in there
     for (const auto& p : surface) {
       if (heightAbove(table, p) >= lowest + UNDERSIDE) continue;
       foot.push_back(p);
+      below.push_back(p - static_cast<float>(heightAbove(table, p) / 2) * up);
       about.extend(p);
     }
+    if (foot.empty() || isSeenThrough(observations_.about(centroidOf(foot)), below)) return false;
     const auto reach = Eigen::Vector3f::Constant(CARRIER_NEAR + 2 * UNDERSIDE);
     about = Eigen::AlignedBox3f(about.min() - reach, about.max() + reach);
     const auto isUnder = [&](const Eigen::Vector3f& p) {

@@ -100,7 +100,10 @@ void Tracker::add(Track& track, double stamp, const Sighting& sighting) const {
   }
   // The gain is before * (before + seen)^-1, both symmetric.
   const PoseCovariance gain = sum.solve(before).transpose();
-  thing.T_world_object = stepped(thing.T_world_object, gain * step);
+  // Sightings that differ about the axis of a symmetry seem to tell of the turn about it: they do
+  // not, and the filter would have the thing spin.
+  thing.T_world_object = nearestAlike(stepped(thing.T_world_object, gain * step),
+                                      thing.T_world_object, sighting.symmetry);
   const PoseCovariance rest = before - gain * before;
   thing.covariance = (rest + rest.transpose()) / 2;
 }

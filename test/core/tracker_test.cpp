@@ -269,6 +269,28 @@ TEST(Tracker, ofPosesThatLookTheSameTheNearestIsTaken) {
   }
 }
 
+TEST(Tracker, aThingThatMayTurnFreelyDoesNotSpin) {
+  Symmetry can;
+  can.axis = Eigen::Vector3d::UnitZ();
+  can.center = {0.002, 0.001, 0.05};  // the axis passes the frame's origin, not through it
+  Tracker tracker;
+  Noisy noisy(0.001, 0.01);
+  Eigen::Isometry3d first;
+  for (int frame = 0; frame < 300; ++frame) {
+    Sighting sighting = noisy.of(POSE);
+    sighting.symmetry = can;
+    // Nothing is known of the turn about its axis, which moves the origin, too.
+    const Eigen::Vector3d axis = sighting.T_world_object.linear().col(2);
+    const Eigen::Vector3d arm = -(sighting.T_world_object.linear() * can.center);
+    Eigen::Matrix<double, 6, 1> turn;
+    turn << axis.cross(arm), axis;
+    sighting.covariance += 4 * turn * turn.transpose();
+    const auto things = tracker.update(frame / 30.0, {sighting});
+    if (frame == 0) first = things[0].T_world_object;
+    ASSERT_LT(turnBetween(things[0].T_world_object, first), 0.1) << frame;
+  }
+}
+
 TEST(Tracker, withoutACovarianceAPoseIsTakenAsItIs) {
   Tracker tracker;
   tracker.update(0, {at("unknown", 0)});

@@ -6,10 +6,13 @@
 #include <limits>
 #include <set>
 
+#include "tabletop_perception/geometry.h"
+
 namespace tabletop_perception::soak {
 namespace {
 
-constexpr double WRONG = 0.1;  // of the diameter, in MSSD
+constexpr double WRONG = 0.1;                   // of the diameter, in MSSD
+constexpr double FLIP_ANGLE = 30 * M_PI / 180;  // from one frame to the next
 
 /// What is known of an object up to the cloud that is looked at.
 struct History {
@@ -116,7 +119,13 @@ class Judge {
     if (object != truth.end()) {
       if (object->moving) return;
       if (isRight(*object, frame)) {
-        histories_[frame.name].rest.push_back(frame.T_camera_object);
+        auto& rest = histories_[frame.name].rest;
+        if (!rest.empty() && angleOf(rest.back().linear().transpose() *
+                                     frame.T_camera_object.linear()) > FLIP_ANGLE) {
+          ++verdict_.flips;
+          fault("flip: " + label);
+        }
+        rest.push_back(frame.T_camera_object);
         return;
       }
       ++verdict_.wrong;

@@ -198,16 +198,18 @@ int run(const Arguments& arguments, const Sequence& sequence, ros::NodeHandle& n
       "soak %.1f min at %.0f Hz: clouds %zu offered %zu processed %zu dropped; "
       "latency %.0f ms p50 %.0f ms p99; manager %.2f cores, camera and judge %.2f; "
       "memory %.0f MB start %.0f half-time %.0f end; id switches %zu; "
-      "tf frames %zu sent %zu wrong %zu stale %zu lost; "
+      "tf frames %zu sent %zu wrong %zu stale %zu lost %zu flipped; "
       "in plain view %.1f %% with a right frame; at rest %.2f mm %.2f deg (p95)\n",
       arguments.minutes, arguments.rate, verdict.offered, verdict.answered,
       verdict.offered - verdict.answered, 1e3 * verdict.latency_p50, 1e3 * verdict.latency_p99,
       share, own_share, memory_start, memory_half, memory_end, verdict.id_switches, verdict.frames,
-      verdict.wrong, verdict.stale, verdict.flickers,
+      verdict.wrong, verdict.stale, verdict.flickers, verdict.flips,
       verdict.due ? 100.0 * static_cast<double>(verdict.shown) / static_cast<double>(verdict.due)
                   : 0.0,
       1e3 * verdict.shift.p95, verdict.turn.p95 * 180 / M_PI);
-  return verdict.id_switches + verdict.wrong + verdict.stale + verdict.flickers == 0 ? 0 : 1;
+  return verdict.id_switches + verdict.wrong + verdict.stale + verdict.flickers + verdict.flips == 0
+             ? 0
+             : 1;
 }
 
 /// The camera runs and nobody listens; then somebody calls the service.
