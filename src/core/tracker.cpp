@@ -81,6 +81,7 @@ void Tracker::add(Track& track, double stamp, const Sighting& sighting) const {
   const double passed = std::max(0.0, stamp - track.last);
   track.last = stamp;
   track.middle = sighting.middle;
+  track.followed = stamp;
   thing.confirmed = thing.confirmed || stamp - track.first >= options_.confirm;
   if (sighting.covariance.isZero()) {
     thing.T_world_object = sighting.T_world_object;
@@ -122,6 +123,11 @@ std::vector<std::pair<std::size_t, std::size_t>> Tracker::nearestPairs(std::vect
   return nearest;
 }
 
+/// How far from where it was last a thing may be.
+double Tracker::reachOf(const Track& track) const {
+  return options_.max_step + options_.max_speed * std::max(0.0, previous_ - track.followed);
+}
+
 /// How far a thing of the same name would have moved.
 double Tracker::distanceBetween(const Track& track, const Sighting& sighting) const {
   // Symmetric things turn about their centre, not about the origin of their frame.
@@ -142,9 +148,12 @@ void Tracker::followUnnamed(const std::vector<Sighting>& sightings) {
           sightings[s].name != UNKNOWN || !sightings[s].middle)
         continue;
       const double distance = (*track.middle - *sightings[s].middle).norm();
-      if (distance <= options_.max_step) pairs.push_back({distance, t, s});
+      if (distance <= reachOf(track)) pairs.push_back({distance, t, s});
     }
-  for (const auto& [t, s] : nearestPairs(std::move(pairs))) tracks_[t].middle = sightings[s].middle;
+  for (const auto& [t, s] : nearestPairs(std::move(pairs))) {
+    tracks_[t].middle = sightings[s].middle;
+    tracks_[t].followed = stamp_;
+  }
 }
 
 std::vector<TrackedThing> Tracker::update(double stamp, const std::vector<Sighting>& sightings) {
@@ -152,7 +161,9 @@ std::vector<TrackedThing> Tracker::update(double stamp, const std::vector<Sighti
     const double back = std::max(0.0, track.last - stamp);
     track.first -= back;
     track.last -= back;
+    track.followed -= back;
   }
+  previous_ = std::min(stamp_, stamp);
   stamp_ = stamp;
   const auto forgotten = [&](const Track& track) { return stamp - track.last > options_.memory; };
   tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(), forgotten), tracks_.end());
@@ -162,7 +173,7 @@ std::vector<TrackedThing> Tracker::update(double stamp, const std::vector<Sighti
     for (std::size_t s = 0; s < sightings.size(); ++s) {
       if (tracks_[t].thing.name != sightings[s].name) continue;
       const double distance = distanceBetween(tracks_[t], sightings[s]);
-      if (distance <= options_.max_step) pairs.push_back({distance, t, s});
+      if (distance <= reachOf(tracks_[t])) pairs.push_back({distance, t, s});
     }
   constexpr std::size_t NONE = static_cast<std::size_t>(-1);
   std::vector<std::size_t> track_of(sightings.size(), NONE);
@@ -171,7 +182,7 @@ std::vector<TrackedThing> Tracker::update(double stamp, const std::vector<Sighti
   for (std::size_t s = 0; s < sightings.size(); ++s) {
     if (track_of[s] == NONE) {
       track_of[s] = tracks_.size();
-      Track track{{}, stamp, stamp, {}};
+      Track track{{}, stamp, stamp, {}, stamp};
       track.thing.id = next_id_++;
       track.thing.name = sightings[s].name;
       track.thing.T_world_object = sightings[s].T_world_object;

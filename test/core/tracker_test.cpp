@@ -136,6 +136,15 @@ TEST(Tracker, aThingThatLosesItsNameOnTheWayKeepsItsId) {
   EXPECT_EQ(idsOf(tracker.update(1, {seenAt("milk", 0.5)})), Ids{1});
 }
 
+TEST(Tracker, aThingThatWasOutOfSightMayHaveMovedFarther) {
+  for (const double x : {0.35, 0.45}) {
+    Tracker tracker;
+    tracker.update(0, {at("milk", 0)});
+    tracker.update(1, {});
+    EXPECT_EQ(idsOf(tracker.update(1.1, {at("milk", x)})), Ids{x < 0.4 ? 1u : 2u}) << x;
+  }
+}
+
 TEST(Tracker, anUnknownThingFarAwayDoesNotCarryAName) {
   Tracker tracker;
   tracker.update(0, {seenAt("milk", 0)});

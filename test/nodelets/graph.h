@@ -85,13 +85,15 @@ class Camera {
   bool connected() const { return publisher_.getNumSubscribers() > 0; }
 
   /// Stamps and sends a message; gives back the stamp.
-  ros::Time send(sensor_msgs::PointCloud2 message) {
-    message.header.stamp = ros::Time::now();
+  ros::Time send(sensor_msgs::PointCloud2 message, const ros::Time& stamp = ros::Time::now()) {
+    message.header.stamp = stamp;
     message.header.frame_id = "camera";
     publisher_.publish(message);
     return message.header.stamp;
   }
-  ros::Time send(const Cloud& cloud) { return send(*messageFromCloud(cloud, std_msgs::Header())); }
+  ros::Time send(const Cloud& cloud, const ros::Time& stamp = ros::Time::now()) {
+    return send(*messageFromCloud(cloud, std_msgs::Header()), stamp);
+  }
 
  private:
   ros::Publisher publisher_;
