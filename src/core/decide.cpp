@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "free_turn.h"
 #include "lift.h"
 #include "marks.h"
 #include "near_model.h"
@@ -150,8 +151,13 @@ class Decision {
     return probabilityOf(best);
   }
 
-  /// Turns a nearly symmetric object the way that fits best.
+  /// Turns an object the way that fits best, where its points leave the turn free or it is nearly
+  /// symmetric.
   void settle(Hypothesis& hypothesis) const {
+    const Surface around = samplesAround(hypothesis);
+    hypothesis.T_camera_object =
+        bestFreeTurn(index_, hypothesis.model, hypothesis.T_camera_object, around,
+                     observations_.about(centroidOf(around.points)), verify_.tolerance, refine_);
     const auto settled =
         settleTurn(index_, hypothesis.model, hypothesis.T_camera_object,
                    pointsOfClusters(hypothesis), coloredOf(hypothesis), tables_, refine_);
@@ -294,6 +300,25 @@ class Decision {
       if (shareOfCluster(hypothesis.explained, k) > 0)
         for (const int i : clusters_[k]) points.push_back(scene_.point(i));
     return points;
+  }
+
+  /// The samples near a model, whichever way they face, of all clusters in which it explains any.
+  Surface samplesAround(const Hypothesis& hypothesis) const {
+    const auto& grid = index_.grid(hypothesis.model);
+    const auto& surface = index_.models()[hypothesis.model].surface;
+    const Eigen::Isometry3f T_object_camera = hypothesis.T_camera_object.inverse().cast<float>();
+    Surface around;
+    for (std::size_t p = 0; p < samples_.parts.size(); ++p) {
+      const auto cluster = static_cast<std::size_t>(samples_.cluster_of_part[p]);
+      if (shareOfCluster(hypothesis.explained, cluster) == 0) continue;
+      for (std::size_t i = 0; i < samples_.parts[p].size(); ++i) {
+        const Eigen::Vector3f q = T_object_camera * samples_.parts[p].points[i];
+        const int nearest = grid.nearest(q);
+        if (nearest >= 0 && (surface.points[nearest] - q).norm() <= REACH)
+          append(samples_.parts[p], i, around);
+      }
+    }
+    return around;
   }
 
   /// Some of the points that a hypothesis explains, with their colours where these are to count.
