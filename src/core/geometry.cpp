@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <iterator>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -125,9 +124,9 @@ Eigen::Matrix3d principalAxes(const std::vector<Eigen::Vector3f>& points) {
   return solver.eigenvectors().rowwise().reverse();
 }
 
-/// The points without those inside the octagon of the outermost ones (Akl & Toussaint 1978), which
-/// is most of them: a hull is made by sorting all that it is given.
-std::vector<cv::Point2f> outerPoints(const std::vector<cv::Point2f>& points) {
+/// Which points are not inside the octagon of the outermost ones (Akl & Toussaint 1978), which most
+/// are: a hull is made by sorting all that it is given.
+std::vector<int> outerPoints(const std::vector<cv::Point2f>& points) {
   // Along x, x + y, y, y - x and back: counter-clockwise.
   std::array<cv::Point2f, 8> corners;
   corners.fill(points.front());
@@ -148,33 +147,53 @@ std::vector<cv::Point2f> outerPoints(const std::vector<cv::Point2f>& points) {
     }
     return true;
   };
-  std::vector<cv::Point2f> outer;
-  std::copy_if(points.begin(), points.end(), std::back_inserter(outer),
-               [&](const cv::Point2f& p) { return !inside(p); });
-  return outer.empty() ? points : outer;  // all are one
+  std::vector<int> outer;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (!inside(points[i])) outer.push_back(static_cast<int>(i));
+  if (outer.empty()) outer.push_back(0);  // all are one
+  return outer;
 }
 
-/// Columns: the sides of the least rectangle about the points as seen along `up`, then `up`.
-/// Principal axes would be drawn aside wherever the camera sees more of one side than of the other.
-Eigen::Matrix3d uprightAxes(const std::vector<Eigen::Vector3f>& points, const Eigen::Vector3d& up) {
+/// Axes as columns, and points whose box along these axes is that of all points.
+struct Frame {
+  Eigen::Matrix3d axes;
+  std::vector<Eigen::Vector3f> points;
+};
+
+/// The sides of the least rectangle about the points as seen along `up`, then `up`. Principal axes
+/// would be drawn aside wherever the camera sees more of one side than of the other.
+Frame uprightFrame(const std::vector<Eigen::Vector3f>& points, const Eigen::Vector3d& up) {
   const Eigen::Vector3d u = up.unitOrthogonal(), v = up.cross(u);
   const Eigen::Vector3d origin = points.front().cast<double>();  // near: OpenCV works in floats
+  const Eigen::Vector3f up_in_floats = up.cast<float>();
   std::vector<cv::Point2f> flat;
   flat.reserve(points.size());
-  for (const auto& p : points) {
-    const Eigen::Vector3d d = p.cast<double>() - origin;
+  std::size_t lowest = 0, highest = 0;
+  float low = std::numeric_limits<float>::max(), high = -low;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Vector3d d = points[i].cast<double>() - origin;
     flat.emplace_back(static_cast<float>(u.dot(d)), static_cast<float>(v.dot(d)));
+    const float height = up_in_floats.dot(points[i]);
+    if (height < low) low = height, lowest = i;
+    if (height > high) high = height, highest = i;
   }
+  Frame frame;
+  std::vector<cv::Point2f> outer;
+  for (const int i : outerPoints(flat)) {
+    outer.push_back(flat[i]);
+    frame.points.push_back(points[i]);
+  }
+  frame.points.push_back(points[lowest]);
+  frame.points.push_back(points[highest]);
   std::array<cv::Point2f, 4> corners;
-  cv::minAreaRect(outerPoints(flat)).points(corners.data());
+  cv::minAreaRect(outer).points(corners.data());
   const cv::Point2f a = corners[1] - corners[0], b = corners[2] - corners[1];
   const cv::Point2f side = cv::norm(a) > cv::norm(b) ? a : b;
   const Eigen::Vector3d along = side.x * u + side.y * v;
-  Eigen::Matrix3d axes;
-  axes.col(0) = along.norm() > 0 ? Eigen::Vector3d(along.normalized()) : u;
-  axes.col(2) = up;
-  axes.col(1) = up.cross(axes.col(0));
-  return axes;
+  frame.axes.col(0) = along.norm() > 0 ? Eigen::Vector3d(along.normalized()) : u;
+  frame.axes.col(2) = up;
+  frame.axes.col(1) = up.cross(frame.axes.col(0));
+  return frame;
 }
 
 }  // namespace
@@ -183,11 +202,12 @@ Box boxAround(const std::vector<Eigen::Vector3f>& points,
               const std::optional<Eigen::Vector3d>& up) {
   Box box;
   if (points.empty()) return box;
-  Eigen::Matrix3d axes = up ? uprightAxes(points, *up) : principalAxes(points);
+  const Frame frame = up ? uprightFrame(points, *up) : Frame{principalAxes(points), points};
+  const Eigen::Matrix3d& axes = frame.axes;
 
   Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::max());
   Eigen::Vector3d high = -low;
-  for (const auto& p : points) {
+  for (const auto& p : frame.points) {
     const Eigen::Vector3d q = axes.transpose() * p.cast<double>();
     low = low.cwiseMin(q);
     high = high.cwiseMax(q);

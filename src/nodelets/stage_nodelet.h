@@ -76,6 +76,18 @@ class StageNodelet : public nodelet::Nodelet {
     servers_.push_back(server);
   }
 
+  /// Keeps `options` as those that another nodelet serves in the namespace `section` beside this
+  /// one, also when they are reconfigured. Throws as serveOptions for what is set there.
+  template <typename Options>
+  void followOptions(const std::string& section, Options& options) {
+    ros::NodeHandle nh(getNodeHandle(), section);
+    readOptions(getNodeHandle(), section, options);
+    followed_.push_back(nh.subscribe<dynamic_reconfigure::Config>(
+        "parameter_updates", 1, [&options](const dynamic_reconfigure::ConfigConstPtr& message) {
+          options = optionsFromMessage<Options>(*message);
+        }));
+  }
+
   /// Advertises under the nodelet's own name; listeners wake the nodelet up.
   template <typename Message>
   ros::Publisher advertise(const std::string& topic) {
@@ -119,6 +131,7 @@ class StageNodelet : public nodelet::Nodelet {
 
   std::set<std::string> parameters_;            ///< names of those that are no options
   std::vector<std::shared_ptr<void>> servers_;  ///< dynamic_reconfigure
+  std::vector<ros::Subscriber> followed_;       ///< options of other nodelets
   StageHealth health_;
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
   ros::WallTimer diagnostics_timer_;
