@@ -98,7 +98,7 @@ class CaptureNodelet : public StageNodelet {
   void onFrame(const CloudMessageConstPtr& cloud, const TableArrayConstPtr& tables) {
     attempt(cloud->header.stamp, [&] {
       const std::lock_guard<std::mutex> lock(mutex_);
-      if (!waiting_ || cloud->header.stamp < called_) return;
+      if (!waiting_ || !isSince(called_, cloud->header.stamp)) return;
       frame_ = {cloud, tables};
       arrived_.notify_all();
     });

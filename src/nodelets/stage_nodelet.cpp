@@ -57,6 +57,11 @@ void StageNodelet::attempt(const ros::Time& stamp, const std::function<void()>& 
   }
 }
 
+bool StageNodelet::isSince(const ros::Time& called, const ros::Time& time) {
+  const ros::Time now = ros::Time::now();
+  return time >= called || (now < called && time <= now);
+}
+
 std::string StageNodelet::inputsReport(const std::vector<ros::Subscriber>& inputs) {
   std::string silent;
   for (const auto& input : inputs)

@@ -97,6 +97,10 @@ class StageNodelet : public nodelet::Nodelet {
   /// What else the diagnostics say: frames that are dropped, and why a frame has no result.
   StageHealth& health() { return health_; }
 
+  /// Whether `time` is not before `called`, a moment that is past. Where the clock was set back
+  /// since (a bag begins anew), whether it is after that.
+  static bool isSince(const ros::Time& called, const ros::Time& time);
+
   /// Why nothing comes: which of the inputs nobody publishes.
   static std::string inputsReport(const std::vector<ros::Subscriber>& inputs);
 
