@@ -72,6 +72,7 @@ class CaptureNodelet : public StageNodelet {
 
   void start() override {
     file_ = expandHome(parameter("database", std::string("~/.ros/tabletop.db")));
+    refuseOtherParameters();
     sync_.registerCallback(&CaptureNodelet::onFrame, this);
     ros::NodeHandle service_nh(getPrivateNodeHandle());
     service_nh.setCallbackQueue(&service_queue_);

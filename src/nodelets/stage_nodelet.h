@@ -45,6 +45,10 @@ class StageNodelet : public nodelet::Nodelet {
     return value;
   }
 
+  /// For a nodelet without options: throws std::invalid_argument for a parameter that it does not
+  /// know.
+  void refuseOtherParameters();
+
   /// Keeps `options` as the parameters under `nh` and dynamic_reconfigure say. Throws
   /// std::invalid_argument for an unknown parameter, a wrong type, a value out of range or two that
   /// contradict each other; a reconfiguration that does is refused, and the options stay. `changed`

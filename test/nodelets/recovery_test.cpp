@@ -64,7 +64,7 @@ class Recovery : public testing::Test {
   /// Sends frames from a time on, a tenth of a second apart, until one is answered.
   static bool flows(double& time) {
     const std::size_t before = shared().objects.all().size();
-    for (int i = 0; i < 60 && shared().objects.all().size() == before; ++i) {
+    for (int i = 0; i < 120 && shared().objects.all().size() == before; ++i) {
       time += 0.1;
       shared().clock.set(time);
       shared().camera->send(cloud());
