@@ -42,7 +42,10 @@ class Keeper {
       list_ = nh_.serviceClient<nodelet::NodeletList>(manager_ + "/list", true);
     }
     nodelet::NodeletList present;
-    if (!list_.isValid() || !list_.call(present)) return;
+    if (!list_.isValid() || !list_.call(present)) {
+      list_ = {};  // roscpp may take a client for valid that never got a connection
+      return;
+    }
     const auto& names = present.response.nodelets;
     const bool there = std::find(names.begin(), names.end(), name_) != names.end();
     if (there && loaded_) return;

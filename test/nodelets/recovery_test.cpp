@@ -70,7 +70,12 @@ class Recovery : public testing::Test {
       shared().camera->send(cloud());
       spinUntil([&] { return shared().objects.all().size() > before; }, 0.4);
     }
-    return shared().objects.all().size() > before;
+    const bool flowing = shared().objects.all().size() > before;
+    for (std::size_t seen = 0; flowing && seen < shared().objects.all().size();) {
+      seen = shared().objects.all().size();  // what is still on its way
+      spinUntil([&] { return shared().objects.all().size() > seen; }, 1.5);
+    }
+    return flowing;
   }
   static bool flows(double&& time) { return flows(time); }
 
