@@ -18,6 +18,7 @@
 namespace {
 
 constexpr double LOOK_INTERVAL = 0.5;   // [s]
+constexpr double MAX_SILENCE = 10.0;    // of the manager, before a warning [s]
 constexpr double RETRY_INTERVAL = 2.0;  // after a nodelet that cannot be loaded [s]
 
 volatile std::sig_atomic_t asked_to_end = 0;
@@ -44,8 +45,10 @@ class Keeper {
     nodelet::NodeletList present;
     if (!list_.isValid() || !list_.call(present)) {
       list_ = {};  // roscpp may take a client for valid that never got a connection
+      warnOfSilence();
       return;
     }
+    last_heard_ = ros::WallTime::now();
     const auto& names = present.response.nodelets;
     const bool there = std::find(names.begin(), names.end(), name_) != names.end();
     if (there && loaded_) return;
@@ -65,6 +68,14 @@ class Keeper {
   }
 
  private:
+  void warnOfSilence() {
+    const auto now = ros::WallTime::now();
+    if (now - last_heard_ < ros::WallDuration(MAX_SILENCE)) return;
+    last_heard_ = now;
+    ROS_WARN("%s waits for the nodelet manager %s, which does not answer: is it running?",
+             name_.c_str(), nh_.resolveName(manager_).c_str());
+  }
+
   bool load() {
     nodelet::NodeletLoad call;
     call.request.name = name_;
@@ -80,7 +91,8 @@ class Keeper {
   const std::string type_, manager_;
   ros::NodeHandle nh_;
   ros::ServiceClient list_;  ///< stays connected: what it hears of the manager first is its death
-  bool loaded_ = false;      ///< by this process, into the manager that runs
+  ros::WallTime last_heard_ = ros::WallTime::now();  ///< of the manager, or when that was said
+  bool loaded_ = false;  ///< by this process, into the manager that runs
 };
 
 }  // namespace
