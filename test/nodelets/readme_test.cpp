@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <filesystem>
@@ -7,6 +8,7 @@
 #include <future>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "graph.h"
 
@@ -23,14 +25,22 @@ std::string lineOf(const std::string& words) {
   return "";
 }
 
-/// What a command prints within 10 s, while a camera sees a can on the table.
-std::string outputOf(const std::string& command, Camera& camera, const Cloud& cloud) {
+bool hasAll(const std::string& text, const std::vector<std::string>& parts) {
+  return std::all_of(parts.begin(), parts.end(),
+                     [&](const auto& part) { return text.find(part) != text.npos; });
+}
+
+/// What a command prints until it has printed all `parts`, for 15 s at most, while a camera sees a
+/// can on the table.
+std::string outputOf(const std::string& command, const std::vector<std::string>& parts,
+                     Camera& camera, const Cloud& cloud) {
   auto output = std::async(std::launch::async, [&] {
     std::string text;
     std::array<char, 4096> part;
-    std::FILE* pipe = popen(("timeout 10 " + command + " 2>&1").c_str(), "r");
-    while (pipe && std::fgets(part.data(), part.size(), pipe)) text += part.data();
-    if (pipe) pclose(pipe);
+    std::FILE* pipe = popen(("timeout 15 " + command + " 2>&1").c_str(), "r");
+    while (pipe && !hasAll(text, parts) && std::fgets(part.data(), part.size(), pipe))
+      text += part.data();
+    if (pipe) pclose(pipe);  // ends at its next word what would go on printing
     return text;
   });
   while (output.wait_for(std::chrono::milliseconds(300)) != std::future_status::ready) {
@@ -38,6 +48,18 @@ std::string outputOf(const std::string& command, Camera& camera, const Cloud& cl
     ros::spinOnce();
   }
   return output.get();
+}
+
+/// Runs the README's line that begins with `words`, on a busy machine more than once: what it
+/// prints has all `parts`.
+void expectAnswer(const std::string& words, const std::vector<std::string>& parts, Camera& camera,
+                  const Cloud& cloud) {
+  const auto command = lineOf(words);
+  ASSERT_FALSE(command.empty()) << "README.md has no line that begins with " << words;
+  std::string output;
+  for (int i = 0; i < 4 && !hasAll(output, parts); ++i)
+    output = outputOf(command, parts, camera, cloud);
+  EXPECT_TRUE(hasAll(output, parts)) << command << ": " << output;
 }
 
 /// Each line of the README that asks the running graph, as it is written there.
@@ -65,26 +87,16 @@ class Readme : public testing::Test {
 };
 
 TEST_F(Readme, theServiceAnswersAsItIsCalled) {
-  const auto command = lineOf("rosservice call");
-  ASSERT_FALSE(command.empty());
-  const auto output = outputOf(command, *camera_, scene_.cloud);
-  EXPECT_NE(output.find("success: True"), output.npos) << command << ": " << output;
-  EXPECT_NE(output.find("name: \"can\""), output.npos) << output;
-  EXPECT_NE(output.find("frame_id: \"table\""), output.npos) << output;
+  expectAnswer("rosservice call", {"success: True", "name: \"can\"", "frame_id: \"table\""},
+               *camera_, scene_.cloud);
 }
 
 TEST_F(Readme, objectsAreEchoed) {
-  const auto command = lineOf("rostopic echo");
-  ASSERT_FALSE(command.empty());
-  const auto output = outputOf(command, *camera_, scene_.cloud);
-  EXPECT_NE(output.find("name: \"can\""), output.npos) << command << ": " << output;
+  expectAnswer("rostopic echo", {"name: \"can\""}, *camera_, scene_.cloud);
 }
 
 TEST_F(Readme, tfEchoesTheFrameOfTheObject) {
-  const auto command = lineOf("rosrun tf tf_echo");
-  ASSERT_FALSE(command.empty());
-  const auto output = outputOf(command, *camera_, scene_.cloud);
-  EXPECT_NE(output.find("- Translation:"), output.npos) << command << ": " << output;
+  expectAnswer("rosrun tf tf_echo", {"- Translation:"}, *camera_, scene_.cloud);
 }
 
 }  // namespace
