@@ -55,8 +55,9 @@ Marker hullMarker(const TableMessage& table, int id, const MarkerOptions& option
 }
 
 /// The twelve edges of the object's box.
-Marker boxMarker(const RecognizedObject& object, const MarkerOptions& options) {
-  Marker message = marker(object.header, "box", object.id, Marker::LINE_LIST, colorOf(object.id));
+Marker boxMarker(const RecognizedObject& object, const std::string& ns,
+                 const MarkerOptions& options) {
+  Marker message = marker(object.header, ns, object.id, Marker::LINE_LIST, colorOf(object.id));
   message.scale.x = options.line_width;
   message.pose = object.box_pose;
   const Eigen::Vector3d half(object.box_size.x / 2, object.box_size.y / 2, object.box_size.z / 2);
@@ -108,7 +109,8 @@ visualization_msgs::MarkerArrayPtr sceneMarkers(const RecognizedObjectArray& obj
 
   for (const auto& object : objects.objects) {
     message->markers.push_back(nameMarker(object, up, options));
-    if (object.score == 0) message->markers.push_back(boxMarker(object, options));
+    const bool known = object.score > 0;
+    message->markers.push_back(boxMarker(object, known ? "known_box" : "box", options));
   }
   return message;
 }
@@ -159,7 +161,7 @@ visualization_msgs::MarkerArrayPtr pickMarkers(const PickedObject& picked) {
   message->markers.back().action = Marker::DELETEALL;
   if (!picked.success) return message;
   MarkerOptions options;
-  message->markers.push_back(boxMarker(picked.object, options));
+  message->markers.push_back(boxMarker(picked.object, "box", options));
 
   const auto addArrow = [&](const std::string& ns, int id, const geometry_msgs::Pose& pose,
                             const Eigen::Vector3d& along, std::uint32_t color) {

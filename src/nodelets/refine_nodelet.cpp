@@ -308,7 +308,7 @@ class RefineNodelet : public StageNodelet {
     std::unique_lock<std::mutex> lock(latest_mutex_);
     const auto before = latest_.objects;
     const auto arrived = [&] {
-      return stopping_ || (latest_.objects != before && latest_.received >= called);
+      return stopping_ || (latest_.objects != before && isSince(called, latest_.received));
     };
     const bool came = latest_changed_.wait_until(lock, deadline, arrived);
     return came && !stopping_ ? latest_.objects : nullptr;
