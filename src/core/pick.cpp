@@ -9,6 +9,7 @@
 #include "format.h"
 #include "main_plane.h"
 #include "plane_fit.h"
+#include "simd.h"
 #include "tabletop_perception/geometry.h"
 
 namespace tabletop_perception {
@@ -37,13 +38,26 @@ struct Nearest {
   float squared_distance = std::numeric_limits<float>::infinity();  ///< [m^2]
 
   void offer(int i, float squared) {
-    if (squared < squared_distance) *this = {i, squared};
+    if (squared < squared_distance) *this = {i, squared};  // not for NaN
   }
   double distance() const { return std::sqrt(static_cast<double>(squared_distance)); }
 };
 
-float squaredDistance(const Cloud& cloud, int i, const Eigen::Vector3f& point) {
-  return (cloud.point(i) - point).squaredNorm();
+TABLETOP_SIMD_CLONES
+void squaredDistances(const float* x, const float* y, const float* z, std::size_t count,
+                      const float* point, float* squared) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float dx = x[i] - point[0], dy = y[i] - point[1], dz = z[i] - point[2];
+    squared[i] = dx * dx + (dy * dy + dz * dz);
+  }
+}
+
+/// Of each point from another one [m^2]; NaN where there is none.
+std::vector<float> squaredDistances(const Cloud& cloud, const Eigen::Vector3f& point) {
+  std::vector<float> squared(cloud.size());
+  squaredDistances(cloud.x.data(), cloud.y.data(), cloud.z.data(), cloud.size(), point.data(),
+                   squared.data());
+  return squared;
 }
 
 /// Why a point that belongs to no cluster is no thing's. `seen`: what the camera saw there.
@@ -140,7 +154,7 @@ Found<Eigen::Vector3f> pointAtPixel(const Cloud& cloud, const Projection& projec
 
 int CloudWindow::sourceOf(int i) const {
   if (!cloud.organized()) return source[i];
-  return (row + i / cloud.width) * whole_width + column + i % cloud.width;
+  return (row + step * (i / cloud.width)) * whole_width + column + step * (i % cloud.width);
 }
 
 namespace {
@@ -148,61 +162,70 @@ namespace {
 CloudWindow pointsAround(const Cloud& cloud, const Eigen::Vector3f& point, float squared_reach) {
   CloudWindow window;
   for (int i = 0; i < static_cast<int>(cloud.size()); ++i)
-    if (squaredDistance(cloud, i, point) <= squared_reach) window.source.push_back(i);  // not NaN
+    if ((cloud.point(i) - point).squaredNorm() <= squared_reach)  // not for NaN
+      window.source.push_back(i);
   window.cloud = selectPoints(cloud, window.source);
   return window;
 }
 
-/// Rows of the part of a grid one after the other.
-template <typename Value>
-std::vector<Value> partOf(const std::vector<Value>& values, int whole_width, int column, int row,
-                          int width, int height) {
-  std::vector<Value> part;
-  part.reserve(static_cast<std::size_t>(width) * height);
-  for (int v = row; v < row + height; ++v) {
-    const auto begin = values.begin() + static_cast<std::ptrdiff_t>(v) * whole_width + column;
-    part.insert(part.end(), begin, begin + width);
-  }
-  return part;
+/// Every step-th pixel of a rectangle of a cloud's grid.
+CloudWindow cutOut(const Cloud& cloud, int column, int row, int width, int height, int step) {
+  CloudWindow window;
+  window.column = column;
+  window.row = row;
+  window.step = step;
+  window.whole_width = cloud.width;
+  window.cloud.width = (width + step - 1) / step;
+  window.cloud.height = (height + step - 1) / step;
+  const auto cut = [&](const auto& from, auto& to) {
+    to.resize(static_cast<std::size_t>(window.cloud.width) * window.cloud.height);
+    auto* next = to.data();
+    for (int v = row; v < row + height; v += step) {
+      const auto* begin = from.data() + static_cast<std::size_t>(v) * cloud.width + column;
+      if (step == 1)
+        next = std::copy_n(begin, width, next);
+      else
+        for (int u = 0; u < width; u += step) *next++ = begin[u];
+    }
+  };
+  cut(cloud.x, window.cloud.x);
+  cut(cloud.y, window.cloud.y);
+  cut(cloud.z, window.cloud.z);
+  if (cloud.colored()) cut(cloud.rgb, window.cloud.rgb);
+  return window;
 }
 
 }  // namespace
 
-CloudWindow windowAround(const Cloud& cloud, const Eigen::Vector3f& point, double reach) {
+CloudWindow windowAround(const Cloud& cloud, const Eigen::Vector3f& point, double reach, int step) {
   const auto squared_reach = static_cast<float>(reach * reach);
   if (!cloud.organized()) return pointsAround(cloud, point, squared_reach);
   int left = cloud.width, right = -1, top = cloud.height, bottom = -1;
   for (int v = 0; v < cloud.height; v += SCAN_STEP)
     for (int u = 0; u < cloud.width; u += SCAN_STEP) {
-      if (!(squaredDistance(cloud, v * cloud.width + u, point) <= squared_reach)) continue;
+      if (!((cloud.point(v * cloud.width + u) - point).squaredNorm() <= squared_reach)) continue;
       left = std::min(left, u), right = std::max(right, u);
       top = std::min(top, v), bottom = v;
     }
-  CloudWindow window;
-  window.whole_width = cloud.width;
-  if (right < left) return window;
-  window.column = std::max(0, left - SCAN_STEP);
-  window.row = std::max(0, top - SCAN_STEP);
-  const int width = std::min(cloud.width, right + SCAN_STEP + 1) - window.column;
-  const int height = std::min(cloud.height, bottom + SCAN_STEP + 1) - window.row;
-  const auto part = [&](const auto& values) {
-    return partOf(values, cloud.width, window.column, window.row, width, height);
-  };
-  window.cloud.width = width;
-  window.cloud.height = height;
-  window.cloud.x = part(cloud.x);
-  window.cloud.y = part(cloud.y);
-  window.cloud.z = part(cloud.z);
-  if (cloud.colored()) window.cloud.rgb = part(cloud.rgb);
-  return window;
+  if (right < left) return cutOut(cloud, 0, 0, 0, 0, step);
+  left = std::max(0, left - SCAN_STEP);
+  top = std::max(0, top - SCAN_STEP);
+  return cutOut(cloud, left, top, std::min(cloud.width, right + SCAN_STEP + 1) - left,
+                std::min(cloud.height, bottom + SCAN_STEP + 1) - top, step);
+}
+
+CloudWindow withEveryPixel(const Cloud& cloud, const CloudWindow& window) {
+  return cutOut(cloud, window.column, window.row,
+                std::min(cloud.width - window.column, window.step * window.cloud.width),
+                std::min(cloud.height - window.row, window.step * window.cloud.height), 1);
 }
 
 Found<int> clusterAt(const Cloud& cloud, const std::vector<Indices>& clusters,
                      const Eigen::Vector3f& point, const std::vector<Table>& tables,
                      const TableOptions& table_options, const PickOptions& options) {
+  const auto squared = squaredDistances(cloud, point);
   Nearest seen;
-  for (int i = 0; i < static_cast<int>(cloud.size()); ++i)
-    seen.offer(i, squaredDistance(cloud, i, point));  // NaN is never nearer
+  for (int i = 0; i < static_cast<int>(cloud.size()); ++i) seen.offer(i, squared[i]);
   if (seen.index < 0 || seen.distance() > options.max_distance)
     return Found<int>::none(
         seen.index < 0
@@ -213,7 +236,7 @@ Found<int> clusterAt(const Cloud& cloud, const std::vector<Indices>& clusters,
   int cluster = -1;
   for (std::size_t k = 0; k < clusters.size(); ++k)
     for (const int i : clusters[k]) {
-      thing.offer(i, squaredDistance(cloud, i, point));
+      thing.offer(i, squared[i]);
       if (thing.index == i) cluster = static_cast<int>(k);
     }
   if (cluster >= 0 && thing.distance() <= seen.distance() + AT_EDGE) return cluster;

@@ -11,13 +11,31 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr int TABLE_COLUMNS =
-    320;  // of the image in which tables are looked for: enough for planes
+constexpr int TABLE_COLUMNS = 213;  // of the image in which tables are looked for
+constexpr int PICK_COLUMNS = 320;  // of the image that a thing is found in, the window a part of it
 
-/// Options for every step-th pixel and row.
+constexpr std::uint32_t FIRST_LABEL = 2;  // of clusters: that of the thing
+
+/// Between the pixels of which an image of so many columns, or some more, is made.
+int stepOf(const Cloud& cloud, int columns) {
+  return cloud.organized() ? std::max(1, cloud.width / columns) : 1;
+}
+
+/// A count of points for every step-th pixel and row.
+int decimated(int points, int step) { return std::max(1, points / (step * step)); }
+
 TableOptions decimated(TableOptions options, int step) {
-  options.min_points = std::max(10, options.min_points / (step * step));
-  options.min_carried = std::max(1, options.min_carried / (step * step));
+  options.min_points = std::max(10, decimated(options.min_points, step));
+  options.min_carried = decimated(options.min_carried, step);
+  return options;
+}
+
+PipelineOptions decimated(PipelineOptions options, int step) {
+  options.table = decimated(options.table, step);
+  for (int* points :
+       {&options.cluster.min_points, &options.cluster.max_points, &options.split.min_patch_points,
+        &options.split.min_points, &options.color.min_points})
+    *points = decimated(*points, step);
   return options;
 }
 
@@ -54,8 +72,9 @@ Found<std::vector<Indices>> clustersAt(const Cloud& cloud, const Eigen::Vector3f
 }
 
 Found<Pick> pickInWindow(Pick pick, const std::vector<Table>& tables,
-                         const PipelineOptions& options) {
+                         const PipelineOptions& whole_options) {
   StopWatch watch(pick.times_ms);
+  const PipelineOptions options = decimated(whole_options, pick.window.step);
   const Cloud& cloud = pick.window.cloud;
   auto clusters = clustersAt(cloud, pick.point, tables, options, watch);
   if (!clusters) return Found<Pick>::none(clusters.reason);
@@ -71,6 +90,24 @@ Found<Pick> pickInWindow(Pick pick, const std::vector<Table>& tables,
   pick.pregrasp = pregraspAbove(pick.box, pick.table, options.grasp);
   watch.lap("frame");
   return pick;
+}
+
+/// Of the four pixels of a coarser window around a pixel the one nearest in space: what it shows.
+int nearestCell(const Cloud& cloud, int i, const CloudWindow& window) {
+  const Cloud& coarse = window.cloud;
+  const Eigen::Vector3f p = cloud.point(i);
+  const int column = i % cloud.width / window.step, row = i / cloud.width / window.step;
+  int nearest = row * coarse.width + column;
+  float least = std::numeric_limits<float>::infinity();
+  for (int v = row; v <= std::min(row + 1, coarse.height - 1); ++v)
+    for (int u = column; u <= std::min(column + 1, coarse.width - 1); ++u) {
+      const int cell = v * coarse.width + u;
+      const float squared = (coarse.point(cell) - p).squaredNorm();  // NaN is never nearer
+      if (!(squared < least)) continue;
+      nearest = cell;
+      least = squared;
+    }
+  return nearest;
 }
 
 /// Why nothing can be picked at a point, whatever the scene; empty if it can.
@@ -92,7 +129,6 @@ float squaredDistance(const ModelIndex& index, const SceneObject& object,
 /// Of the objects in a scene whose first cluster was picked the one at the point.
 SceneObject objectAt(const Pick& pick, const std::vector<Indices>& clusters,
                      const ModelIndex& index, const PipelineOptions& options) {
-  constexpr std::uint32_t PICKED = 2;  // label of the first cluster
   const Cloud& scene = pick.window.cloud;
   const std::vector<Table> tables = {pick.table};
   const auto proposals = proposeObjects(scene, clusters, tables, index, options.match);
@@ -101,7 +137,7 @@ SceneObject objectAt(const Pick& pick, const std::vector<Indices>& clusters,
   const SceneObject* best = nullptr;
   float least = 0;
   for (const auto& object : objects) {
-    if (std::find(object.labels.begin(), object.labels.end(), PICKED) == object.labels.end())
+    if (std::find(object.labels.begin(), object.labels.end(), FIRST_LABEL) == object.labels.end())
       continue;
     const float squared = squaredDistance(index, object, pick.point);
     if (best && squared >= least) continue;
@@ -109,7 +145,7 @@ SceneObject objectAt(const Pick& pick, const std::vector<Indices>& clusters,
     least = squared;
   }
   if (best) return *best;
-  SceneObject unknown = unknownObject(scene, clusters.front(), PICKED, pick.table);
+  SceneObject unknown = unknownObject(scene, clusters.front(), FIRST_LABEL, pick.table);
   unknown.reason = "part of another object";
   return unknown;
 }
@@ -132,7 +168,7 @@ Found<Pick> pickThing(const Cloud& cloud, const Eigen::Vector3f& point,
   Pick pick;
   StopWatch watch(pick.times_ms);
   pick.point = point;
-  pick.window = windowAround(cloud, point, options.pick.reach);
+  pick.window = windowAround(cloud, point, options.pick.reach, stepOf(cloud, PICK_COLUMNS));
   watch.lap("window");
   return pickInWindow(std::move(pick), tables, options);
 }
@@ -145,18 +181,34 @@ Found<Pick> pickInScene(const Cloud& cloud, const Eigen::Vector3f& point,
   Pick pick;
   pick.point = point;
   StopWatch watch(pick.times_ms);
-  const int step = cloud.organized() ? std::max(1, cloud.width / TABLE_COLUMNS) : 1;
+  const int step = stepOf(cloud, TABLE_COLUMNS);
   const Cloud coarse = filterCloud(step > 1 ? decimated(cloud, step) : cloud, options.filter);
   watch.lap("decimate");
   const auto tables = findTables(coarse, up, decimated(options.table, step));
   watch.lap("table");
   if (!tables) return Found<Pick>::none("no table: " + tables.reason);
 
-  pick.window = windowAround(cloud, point, options.pick.reach);
+  pick.window = windowAround(cloud, point, options.pick.reach, stepOf(cloud, PICK_COLUMNS));
   pick.window.cloud = filterCloud(std::move(pick.window.cloud), options.filter);
   if (options.filter.leaf_size > 0) pick.window.source.clear();
   watch.lap("window");
   return pickInWindow(std::move(pick), *tables, options);
+}
+
+Pick atFullResolution(const Cloud& cloud, Pick pick) {
+  if (pick.window.step == 1 || !pick.window.cloud.organized()) return pick;
+  StopWatch watch(pick.times_ms);
+  CloudWindow full = withEveryPixel(cloud, pick.window);
+  const auto labels = labelsOf(pick.window.cloud.size(), {}, pick.clusters);
+  for (auto& cluster : pick.clusters) cluster.clear();
+  for (int i = 0; i < static_cast<int>(full.cloud.size()); ++i) {
+    if (!full.cloud.valid(i)) continue;
+    const std::uint32_t label = labels[nearestCell(full.cloud, i, pick.window)];
+    if (label >= FIRST_LABEL) pick.clusters[label - FIRST_LABEL].push_back(i);
+  }
+  pick.window = std::move(full);
+  watch.lap("pixels");
+  return pick;
 }
 
 SceneObject recognizePick(const Pick& pick, const ModelIndex& index,

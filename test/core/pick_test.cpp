@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -43,12 +44,26 @@ TEST(Pick, theThingAtAPointIsTaken) {
     const auto pick = pickInScene(scene.cloud, scene.cloud.point(truth[truth.size() / 2]), scene.up,
                                   PipelineOptions());
     ASSERT_TRUE(pick) << pick.reason;
-    const auto points = pickedPoints(*pick);
+    const auto points = pickedPoints(atFullResolution(scene.cloud, *pick));
     int right = 0;
     for (const int i : points) right += scene.truth[i] == k + 2;
     EXPECT_GT(right, 0.98 * points.size()) << scene.objects[k].name;
     EXPECT_GT(right, 0.8 * truth.size()) << scene.objects[k].name;
   }
+}
+
+TEST(Pick, aFineImageIsLookedAtCoarselyAndGivenBackPixelByPixel) {
+  const auto scene = boxOnTable();
+  const auto pick = pickAt(scene, {0, 0, 0.10});
+  ASSERT_TRUE(pick) << pick.reason;
+  ASSERT_EQ(pick->window.step, 2);
+  const auto full = atFullResolution(scene.cloud, *pick);
+  EXPECT_EQ(full.window.step, 1);
+  const auto coarse = pickedPoints(*pick), fine = pickedPoints(full);
+  EXPECT_NEAR(fine.size(), 4.0 * coarse.size(), 0.1 * fine.size());
+  EXPECT_TRUE(std::includes(fine.begin(), fine.end(), coarse.begin(), coarse.end()));
+  for (std::size_t i = 0; i < full.window.cloud.size(); ++i)
+    EXPECT_EQ(full.window.cloud.valid(i), scene.cloud.valid(full.window.sourceOf(i)));
 }
 
 TEST(Pick, theFrameLiesBehindTheTopWithXAlongItsLongerSide) {
