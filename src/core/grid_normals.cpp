@@ -58,45 +58,76 @@ struct NormalBlock {
   float x[LANES], y[LANES], z[LANES], curvature[LANES];
 };
 
-/// The covariance of each pixel's window is taken relative to the pixel, which keeps single
-/// precision exact enough. Its smallest eigenvalue is the limit of Newton's method on the
-/// characteristic polynomial from zero, which approaches it from below; the eigenvector is the
-/// longest cross product of two rows of what is left of the matrix.
-TABLETOP_SIMD_CLONES
-void normalsOfBlock(const float* x, const float* y, const float* z, const float* range,
-                    std::ptrdiff_t width, int half, float max_change, NormalBlock* out) {
-  float n[LANES] = {}, sx[LANES] = {}, sy[LANES] = {}, sz[LANES] = {}, xx[LANES] = {},
-        xy[LANES] = {}, xz[LANES] = {}, yy[LANES] = {}, yz[LANES] = {}, zz[LANES] = {};
-  for (int v = -half; v <= half; ++v)
-    for (int u = -half; u <= half; ++u) {
-      const std::ptrdiff_t offset = v * width + u;
-      for (int l = 0; l < LANES; ++l) {
-        const std::ptrdiff_t j = offset + l;
-        const bool near = std::abs(range[j] - range[l]) <= max_change * range[l];  // not for NaN
-        const float dx = zeroUnless(near, x[j] - x[l]), dy = zeroUnless(near, y[j] - y[l]),
-                    dz = zeroUnless(near, z[j] - z[l]);
-        n[l] += zeroUnless(near, 1.0f);
-        sx[l] += dx;
-        sy[l] += dy;
-        sz[l] += dz;
-        xx[l] += dx * dx;
-        xy[l] += dx * dy;
-        xz[l] += dx * dz;
-        yy[l] += dy * dy;
-        yz[l] += dy * dz;
-        zz[l] += dz * dz;
-      }
-    }
+/// Count, sums and products of coordinates in the windows of LANES pixels.
+struct WindowSums {
+  float n[LANES], x[LANES], y[LANES], z[LANES], xx[LANES], xy[LANES], xz[LANES], yy[LANES],
+      yz[LANES], zz[LANES];
+};
 
+/// The sums over the windows of LANES pixels in a row, coordinates relative to the pixel, which
+/// keeps single precision exact enough. A few pixels at a time: their ten sums stay in registers.
+TABLETOP_SIMD_CLONES
+void sumWindows(const float* x, const float* y, const float* z, const float* range,
+                std::ptrdiff_t width, int half, float max_change, WindowSums* out) {
+  for (int first = 0; first < LANES; first += FLOATS) {
+    Floats x0, y0, z0, range0;
+    load(x + first, x0);
+    load(y + first, y0);
+    load(z + first, z0);
+    load(range + first, range0);
+    const Floats limit = max_change * range0;
+    Floats n{}, sx{}, sy{}, sz{}, xx{}, xy{}, xz{}, yy{}, yz{}, zz{};
+    for (int v = -half; v <= half; ++v)
+      for (int u = -half; u <= half; ++u) {
+        const std::ptrdiff_t at = first + v * width + u;
+        Floats dx, dy, dz, change;
+        load(x + at, dx);
+        load(y + at, dy);
+        load(z + at, dz);
+        load(range + at, change);
+        change -= range0;
+        const auto near = (change <= limit) & (change >= -limit);  // not for NaN
+        keepWhere(near, dx -= x0);
+        keepWhere(near, dy -= y0);
+        keepWhere(near, dz -= z0);
+        n -= __builtin_convertvector(near, Floats);  // true is -1
+        sx += dx;
+        sy += dy;
+        sz += dz;
+        xx += dx * dx;
+        xy += dx * dy;
+        xz += dx * dz;
+        yy += dy * dy;
+        yz += dy * dz;
+        zz += dz * dz;
+      }
+    store(n, out->n + first);
+    store(sx, out->x + first);
+    store(sy, out->y + first);
+    store(sz, out->z + first);
+    store(xx, out->xx + first);
+    store(xy, out->xy + first);
+    store(xz, out->xz + first);
+    store(yy, out->yy + first);
+    store(yz, out->yz + first);
+    store(zz, out->zz + first);
+  }
+}
+
+/// Normals from the covariances of the windows. A covariance's smallest eigenvalue is the limit of
+/// Newton's method on the characteristic polynomial from zero, which approaches it from below; the
+/// eigenvector is the longest cross product of two rows of what is left of the matrix.
+TABLETOP_SIMD_CLONES
+void normalsOfBlock(const WindowSums& sums, NormalBlock* out) {
   float a[LANES], b[LANES], c[LANES], d[LANES], e[LANES],
       f[LANES];  // the upper triangle over its trace
   float m[LANES], w[LANES], t[LANES] = {};
   for (int l = 0; l < LANES; ++l) {
-    const float inverse = 1 / std::max(n[l], 1.0f);
-    const float mx = sx[l] * inverse, my = sy[l] * inverse, mz = sz[l] * inverse;
-    const float ca = xx[l] * inverse - mx * mx, cb = xy[l] * inverse - mx * my;
-    const float cc = xz[l] * inverse - mx * mz, cd = yy[l] * inverse - my * my;
-    const float ce = yz[l] * inverse - my * mz, cf = zz[l] * inverse - mz * mz;
+    const float inverse = 1 / std::max(sums.n[l], 1.0f);
+    const float mx = sums.x[l] * inverse, my = sums.y[l] * inverse, mz = sums.z[l] * inverse;
+    const float ca = sums.xx[l] * inverse - mx * mx, cb = sums.xy[l] * inverse - mx * my;
+    const float cc = sums.xz[l] * inverse - mx * mz, cd = sums.yy[l] * inverse - my * my;
+    const float ce = sums.yz[l] * inverse - my * mz, cf = sums.zz[l] * inverse - mz * mz;
     const float trace = ca + cd + cf, unit = 1 / std::max(trace, 1e-20f);
     a[l] = ca * unit;
     b[l] = cb * unit;
@@ -134,7 +165,7 @@ void normalsOfBlock(const float* x, const float* y, const float* z, const float*
     const float q2 = w_longer ? w2 : p2;
 
     // The middle eigenvalue is about m over the largest; on a line it vanishes.
-    const bool good = (n[l] >= MIN_NEIGHBORS) & (m[l] > MIN_WIDTH) & (q2 > 0);
+    const bool good = (sums.n[l] >= MIN_NEIGHBORS) & (m[l] > MIN_WIDTH) & (q2 > 0);
     const float length = std::sqrt(good ? q2 : 1.0f);
     const float scale = good ? 1 / length : NONE;
     out->x[l] = qx * scale;
@@ -189,9 +220,11 @@ Normals computeGridNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
     for (int column = 0; column < grid.columns; column += LANES) {
       const std::size_t first = grid.at(row, column);
       if (!grid.anyIn(first)) continue;
+      WindowSums sums;
+      sumWindows(grid.x.data() + first, grid.y.data() + first, grid.z.data() + first,
+                 grid.range.data() + first, grid.width, half, change, &sums);
       NormalBlock block;
-      normalsOfBlock(grid.x.data() + first, grid.y.data() + first, grid.z.data() + first,
-                     grid.range.data() + first, grid.width, half, change, &block);
+      normalsOfBlock(sums, &block);
       const int count = std::min(LANES, grid.columns - column);
       for (int l = 0; l < count; ++l) {
         const std::size_t i = static_cast<std::size_t>(row) * options.step * cloud.width +
