@@ -66,8 +66,10 @@ CloudWindow withEveryPixel(const Cloud& cloud, const CloudWindow& window);
 
 /// Which of the clusters somebody means who points at `point`: the one with the nearest point, not
 /// the one with the nearest centroid, which of a large thing may be farther away than that of a
-/// small one beside it. None, with the reason, for a point in the air, on a table, or on what
-/// stands on none. `cloud`: what the clusters' points belong to.
+/// small one beside it. A point that is on none of them but all around which the nearest one lies
+/// belongs to that, with the reason why it is on none: the bottom of a bowl is as low as the table.
+/// None, with the reason, for a point in the air, on a table, or on what stands on none. `cloud`:
+/// what the clusters' points belong to.
 Found<int> clusterAt(const Cloud& cloud, const std::vector<Indices>& clusters,
                      const Eigen::Vector3f& point, const std::vector<Table>& tables,
                      const TableOptions& table_options, const PickOptions& options);

@@ -242,8 +242,8 @@ Box boxAround(const std::vector<Eigen::Vector3f>& points,
   Eigen::Vector3d low, high;
   for (int axis = 0; axis < 3; ++axis) {
     const auto places = placesAlong(planar, axes.col(axis));
-    const auto [least, most] = std::minmax_element(places.begin(), places.end());
-    low[axis] = *least, high[axis] = *most;
+    low[axis] = places[farthestAlong(places.data(), places.data(), places.size(), -1, 0)];
+    high[axis] = places[farthestAlong(places.data(), places.data(), places.size(), 1, 0)];
   }
   const Eigen::Vector3d center = planar.origin.cast<double>() + axes * (low + high) / 2;
   const Eigen::Vector3d size = high - low;

@@ -1,6 +1,7 @@
 #include "tabletop_perception/pick.h"
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -33,16 +34,6 @@ std::string noDepth(const Eigen::Vector2d& pixel, int window) {
                 pixel.y());
 }
 
-struct Nearest {
-  int index = -1;
-  float squared_distance = std::numeric_limits<float>::infinity();  ///< [m^2]
-
-  void offer(int i, float squared) {
-    if (squared < squared_distance) *this = {i, squared};  // not for NaN
-  }
-  double distance() const { return std::sqrt(static_cast<double>(squared_distance)); }
-};
-
 TABLETOP_SIMD_CLONES
 void squaredDistances(const float* x, const float* y, const float* z, std::size_t count,
                       const float* point, float* squared) {
@@ -58,6 +49,35 @@ std::vector<float> squaredDistances(const Cloud& cloud, const Eigen::Vector3f& p
   squaredDistances(cloud.x.data(), cloud.y.data(), cloud.z.data(), cloud.size(), point.data(),
                    squared.data());
   return squared;
+}
+
+/// The least of some values, of those that are not NaN; infinite without any.
+TABLETOP_SIMD_CLONES
+float leastOf(const float* values, std::size_t count) {
+  constexpr std::size_t LANES = 8;
+  float least[LANES];
+  for (float& lane : least) lane = std::numeric_limits<float>::infinity();
+  const std::size_t whole = count / LANES * LANES;
+  for (std::size_t i = 0; i < whole; i += LANES)
+    for (std::size_t l = 0; l < LANES; ++l)
+      least[l] = values[i + l] < least[l] ? values[i + l] : least[l];
+  for (std::size_t i = whole; i < count; ++i)
+    least[0] = values[i] < least[0] ? values[i] : least[0];
+  return *std::min_element(least, least + LANES);
+}
+
+/// Whether points of a cluster lie all around a point, as seen from above.
+bool surrounds(const Cloud& cloud, const Indices& cluster, const Eigen::Vector3f& point,
+               const Table& table) {
+  constexpr int SECTORS = 12;
+  const Eigen::Matrix3f R_table_camera = table.T_camera_table.linear().transpose().cast<float>();
+  std::bitset<SECTORS> sectors;
+  for (const int i : cluster) {
+    const Eigen::Vector3f d = R_table_camera * (cloud.point(i) - point);
+    const double turns = std::atan2(d.y(), d.x()) / (2 * M_PI) + 0.5;
+    sectors.set(std::min(SECTORS - 1, static_cast<int>(turns * SECTORS)));
+  }
+  return sectors.all();
 }
 
 /// Why a point that belongs to no cluster is no thing's. `seen`: what the camera saw there.
@@ -168,30 +188,13 @@ CloudWindow pointsAround(const Cloud& cloud, const Eigen::Vector3f& point, float
   return window;
 }
 
-/// Every step-th pixel of a rectangle of a cloud's grid.
-CloudWindow cutOut(const Cloud& cloud, int column, int row, int width, int height, int step) {
+CloudWindow windowOf(const Cloud& cloud, const PixelRectangle& part, int step) {
   CloudWindow window;
-  window.column = column;
-  window.row = row;
+  window.cloud = decimated(cloud, part, step);
+  window.column = part.column;
+  window.row = part.row;
   window.step = step;
   window.whole_width = cloud.width;
-  window.cloud.width = (width + step - 1) / step;
-  window.cloud.height = (height + step - 1) / step;
-  const auto cut = [&](const auto& from, auto& to) {
-    to.resize(static_cast<std::size_t>(window.cloud.width) * window.cloud.height);
-    auto* next = to.data();
-    for (int v = row; v < row + height; v += step) {
-      const auto* begin = from.data() + static_cast<std::size_t>(v) * cloud.width + column;
-      if (step == 1)
-        next = std::copy_n(begin, width, next);
-      else
-        for (int u = 0; u < width; u += step) *next++ = begin[u];
-    }
-  };
-  cut(cloud.x, window.cloud.x);
-  cut(cloud.y, window.cloud.y);
-  cut(cloud.z, window.cloud.z);
-  if (cloud.colored()) cut(cloud.rgb, window.cloud.rgb);
   return window;
 }
 
@@ -207,40 +210,52 @@ CloudWindow windowAround(const Cloud& cloud, const Eigen::Vector3f& point, doubl
       left = std::min(left, u), right = std::max(right, u);
       top = std::min(top, v), bottom = v;
     }
-  if (right < left) return cutOut(cloud, 0, 0, 0, 0, step);
+  if (right < left) return windowOf(cloud, {}, step);
   left = std::max(0, left - SCAN_STEP);
   top = std::max(0, top - SCAN_STEP);
-  return cutOut(cloud, left, top, std::min(cloud.width, right + SCAN_STEP + 1) - left,
-                std::min(cloud.height, bottom + SCAN_STEP + 1) - top, step);
+  return windowOf(cloud,
+                  {left, top, std::min(cloud.width, right + SCAN_STEP + 1) - left,
+                   std::min(cloud.height, bottom + SCAN_STEP + 1) - top},
+                  step);
 }
 
 CloudWindow withEveryPixel(const Cloud& cloud, const CloudWindow& window) {
-  return cutOut(cloud, window.column, window.row,
-                std::min(cloud.width - window.column, window.step * window.cloud.width),
-                std::min(cloud.height - window.row, window.step * window.cloud.height), 1);
+  return windowOf(cloud,
+                  {window.column, window.row,
+                   std::min(cloud.width - window.column, window.step * window.cloud.width),
+                   std::min(cloud.height - window.row, window.step * window.cloud.height)},
+                  1);
 }
 
 Found<int> clusterAt(const Cloud& cloud, const std::vector<Indices>& clusters,
                      const Eigen::Vector3f& point, const std::vector<Table>& tables,
                      const TableOptions& table_options, const PickOptions& options) {
   const auto squared = squaredDistances(cloud, point);
-  Nearest seen;
-  for (int i = 0; i < static_cast<int>(cloud.size()); ++i) seen.offer(i, squared[i]);
-  if (seen.index < 0 || seen.distance() > options.max_distance)
+  const float least = leastOf(squared.data(), squared.size());
+  const double seen = std::sqrt(least);  // how far off the nearest that the camera saw is
+  if (!(seen <= options.max_distance))
     return Found<int>::none(
-        seen.index < 0
+        std::isinf(least)
             ? format("in the air: the camera saw nothing within %.2f m of the point", options.reach)
-            : format("in the air: the nearest that the camera saw is %.3f m away, limit %.3f",
-                     seen.distance(), options.max_distance));
-  Nearest thing;
-  int cluster = -1;
+            : format("in the air: the nearest that the camera saw is %.3f m away, limit %.3f", seen,
+                     options.max_distance));
+  int nearest = -1;
+  float least_of_things = std::numeric_limits<float>::infinity();
   for (std::size_t k = 0; k < clusters.size(); ++k)
     for (const int i : clusters[k]) {
-      thing.offer(i, squared[i]);
-      if (thing.index == i) cluster = static_cast<int>(k);
+      if (squared[i] >= least_of_things) continue;
+      least_of_things = squared[i];
+      nearest = static_cast<int>(k);
     }
-  if (cluster >= 0 && thing.distance() <= seen.distance() + AT_EDGE) return cluster;
-  return Found<int>::none(nothingAt(cloud.point(seen.index), tables, table_options));
+  if (nearest >= 0 && std::sqrt(least_of_things) <= seen + AT_EDGE) return nearest;
+  const Eigen::Vector3f there =
+      cloud.point(std::find(squared.begin(), squared.end(), least) - squared.begin());
+  const std::string nothing = nothingAt(there, tables, table_options);
+  if (nearest < 0 || !surrounds(cloud, clusters[nearest], there, tables[tableUnder(tables, there)]))
+    return Found<int>::none(nothing);
+  Found<int> around(nearest);
+  around.reason = nothing;
+  return around;
 }
 
 Found<GraspSurface> graspSurface(const Cloud& cloud, const Indices& thing, const Table& table,

@@ -66,7 +66,8 @@ Found<std::vector<Indices>> clustersAt(const Cloud& cloud, const Eigen::Vector3f
   parts = colorCorrected(cloud, parts, options.color);
   const auto thing = clusterAt(cloud, parts, point, tables, options.table, options.pick);
   watch.lap("color");
-  if (!thing) return FoundClusters::none(thing.reason);
+  if (!thing && whole.reason.empty()) return FoundClusters::none(thing.reason);
+  if (!thing) return std::vector<Indices>{clusters[*whole]};  // all around the point, but in parts
   std::rotate(parts.begin(), parts.begin() + *thing, parts.begin() + *thing + 1);
   return parts;
 }

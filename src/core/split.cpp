@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "region_graph.h"
 #include "tabletop_perception/normals.h"
@@ -40,8 +41,11 @@ struct Grid {
   std::vector<int> cluster;  ///< of each cell, -1 without
 
   int cells() const { return static_cast<int>(cloud.size()); }
-  int columnOf(int pixel) const { return (pixel % image_width - column) / step; }
-  int rowOf(int pixel) const { return (pixel / image_width - row) / step; }
+  /// Where the cell of a pixel lies.
+  std::pair<int, int> placeOf(int pixel) const {
+    const int image_row = pixel / image_width;
+    return {(pixel - image_row * image_width - column) / step, (image_row - row) / step};
+  }
   bool near(int a, int b, float squared_gap) const {
     return cluster[a] == cluster[b] &&
            (cloud.point(a) - cloud.point(b)).squaredNorm() <= squared_gap;
@@ -64,8 +68,9 @@ Grid gridOf(const Cloud& cloud, const std::vector<Indices>& clusters, int step) 
   int left = cloud.width, right = 0, top = cloud.height, bottom = 0;
   for (const auto& cluster : clusters)
     for (const int i : cluster) {
-      left = std::min(left, i % cloud.width), right = std::max(right, i % cloud.width);
-      top = std::min(top, i / cloud.width), bottom = std::max(bottom, i / cloud.width);
+      const int row = i / cloud.width, column = i - row * cloud.width;
+      left = std::min(left, column), right = std::max(right, column);
+      top = std::min(top, row), bottom = std::max(bottom, row);
     }
   Grid grid;
   grid.step = step;
@@ -76,7 +81,8 @@ Grid gridOf(const Cloud& cloud, const std::vector<Indices>& clusters, int step) 
   grid.cluster.assign(grid.cloud.size(), -1);
   for (std::size_t k = 0; k < clusters.size(); ++k)
     for (const int i : clusters[k]) {
-      const int cell = grid.rowOf(i) * grid.cloud.width + grid.columnOf(i);
+      const auto [column, row] = grid.placeOf(i);
+      const int cell = row * grid.cloud.width + column;
       if (grid.cluster[cell] >= 0) continue;
       grid.cluster[cell] = static_cast<int>(k);
       grid.cloud.setPoint(cell, cloud.point(i));
@@ -196,7 +202,7 @@ RegionGraph graphOf(const Grid& grid, const Normals& normals, const Patches& pat
 int partNear(const Cloud& cloud, int i, int cluster, const Grid& grid,
              const std::vector<int>& part_of_cell) {
   constexpr float SAME_SURFACE = 0.008f * 0.008f;  // [m^2]
-  const int column = grid.columnOf(i), row = grid.rowOf(i);
+  const auto [column, row] = grid.placeOf(i);
   const int own = row * grid.cloud.width + column;
   const Eigen::Vector3f p = cloud.point(i);
   if (grid.cluster[own] == cluster && (grid.cloud.point(own) - p).squaredNorm() < SAME_SURFACE)

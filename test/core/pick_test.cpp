@@ -148,6 +148,23 @@ TEST(Pick, whatIsNoThingHasAReason) {
   EXPECT_TRUE(contains(nowhere.reason, "not finite")) << nowhere.reason;
 }
 
+TEST(Pick, theBottomOfATrayBelongsToItTheTableInAnAngleToNothing) {
+  const Mesh left = scene::moved(scene::box(0.01, 0.16, 0.05), 0.075, 0, 0),
+             right = scene::moved(scene::box(0.01, 0.16, 0.05), -0.075, 0, 0),
+             back = scene::moved(scene::box(0.16, 0.01, 0.05), 0, 0.075, 0),
+             front = scene::moved(scene::box(0.16, 0.01, 0.05), 0, -0.075, 0);
+  const auto tray = scene::render(
+      {{"tray", scene::merged({left, right, back, front}), scene::standing(0, 0, 0.3)}});
+  const auto inside = pickAt(tray, {0.02, 0, 0.002});
+  ASSERT_TRUE(inside) << inside.reason;
+  EXPECT_NEAR(inside->box.size.x(), 0.16, 0.01);
+  const auto angle =
+      scene::render({{"angle", scene::merged({left, back}), scene::standing(0, 0, 0.3)}});
+  const auto beside = pickAt(angle, {0.02, 0.01, 0.002});
+  ASSERT_FALSE(beside);
+  EXPECT_TRUE(contains(beside.reason, "on the table")) << beside.reason;
+}
+
 TEST(Pick, aWallBehindTheTableIsNoThing) {
   const Mesh wall = scene::box(0.02, 1.6, 0.8);
   const auto scene = scene::render({{"box", scene::box(0.12, 0.06, 0.10), scene::standing(0, 0, 0)},
