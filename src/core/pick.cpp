@@ -188,9 +188,76 @@ CloudWindow pointsAround(const Cloud& cloud, const Eigen::Vector3f& point, float
   return window;
 }
 
+/// Squared distances from the sensor; infinite where there is no point.
+TABLETOP_SIMD_CLONES
+void squaredRanges(const float* x, const float* y, const float* z, std::size_t count,
+                   float* squared) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float range = x[i] * x[i] + (y[i] * y[i] + z[i] * z[i]);
+    squared[i] = range < std::numeric_limits<float>::infinity()
+                     ? range
+                     : std::numeric_limits<float>::infinity();
+  }
+}
+
+TABLETOP_SIMD_CLONES
+void takeLesser(const float* values, std::size_t count, float* least) {
+  for (std::size_t i = 0; i < count; ++i) least[i] = values[i] < least[i] ? values[i] : least[i];
+}
+
+/// Marks the blocks of `step` values of which the least is far below the first of `firsts`.
+TABLETOP_SIMD_CLONES
+void markForeground(const float* least, const float* firsts, int blocks, int step,
+                    std::uint8_t* marks) {
+  constexpr float NEARER = 0.98f * 0.98f;  // of the range, squared
+  for (int b = 0; b < blocks; ++b) marks[b] = 0;
+  for (int k = 0; k < step; ++k)
+    if (step == 2)  // a step that is known makes vector code
+      for (int b = 0; b < blocks; ++b) marks[b] |= least[2 * b + k] < NEARER * firsts[2 * b];
+    else
+      for (int b = 0; b < blocks; ++b) marks[b] |= least[step * b + k] < NEARER * firsts[step * b];
+}
+
+/// Puts the nearest pixel of each block of step x step into its first one's place where a step in
+/// depth runs through it: walls of a few pixels stay whole. `coarse`: the first ones.
+void takeForeground(const Cloud& cloud, const PixelRectangle& part, int step, Cloud& coarse) {
+  // Rows of a block one after the other, lengthened to whole blocks.
+  const std::size_t width = static_cast<std::size_t>(coarse.width) * step;
+  constexpr float NOWHERE = std::numeric_limits<float>::infinity();
+  std::vector<float> ranges(width * step, NOWHERE), least(width, NOWHERE);
+  std::vector<std::uint8_t> marks(coarse.width);
+  for (int row = 0; row < coarse.height; ++row) {
+    const int rows = std::min(step, part.height - row * step);
+    const auto first = static_cast<std::size_t>(part.row + row * step) * cloud.width + part.column;
+    for (int v = 0; v < rows; ++v) {
+      const std::size_t i = first + static_cast<std::size_t>(v) * cloud.width;
+      squaredRanges(&cloud.x[i], &cloud.y[i], &cloud.z[i], part.width, &ranges[v * width]);
+    }
+    std::copy_n(ranges.begin(), width, least.begin());
+    for (int v = 1; v < rows; ++v) takeLesser(&ranges[v * width], width, least.data());
+    markForeground(least.data(), ranges.data(), coarse.width, step, marks.data());
+    for (int column = 0; column < coarse.width; ++column) {
+      if (!marks[column]) continue;
+      std::size_t nearest = 0;  // of the block
+      float nearest_range = NOWHERE;
+      for (int v = 0; v < rows; ++v)
+        for (int u = column * step; u < (column + 1) * step; ++u) {
+          const float range = ranges[v * width + u];
+          if (range >= nearest_range) continue;
+          nearest_range = range;
+          nearest = first + static_cast<std::size_t>(v) * cloud.width + u;
+        }
+      const int cell = row * coarse.width + column;
+      coarse.setPoint(cell, cloud.point(nearest));
+      if (coarse.colored()) coarse.rgb[cell] = cloud.rgb[nearest];
+    }
+  }
+}
+
 CloudWindow windowOf(const Cloud& cloud, const PixelRectangle& part, int step) {
   CloudWindow window;
   window.cloud = decimated(cloud, part, step);
+  if (step > 1) takeForeground(cloud, part, step, window.cloud);
   window.column = part.column;
   window.row = part.row;
   window.step = step;
