@@ -14,6 +14,7 @@ namespace {
 constexpr int TABLE_COLUMNS = 213;  // of the image in which tables are looked for
 constexpr int PICK_COLUMNS = 320;  // of the image that a thing is found in, the window a part of it
 
+constexpr int FINER_CUTS = 2;             // of what resembles nothing, each at half the angle
 constexpr std::uint32_t FIRST_LABEL = 2;  // of clusters: that of the thing
 
 /// Between the pixels of which an image of so many columns, or some more, is made.
@@ -130,25 +131,41 @@ float squaredDistance(const ModelIndex& index, const SceneObject& object,
 /// Of the objects in a scene whose first cluster was picked the one at the point.
 SceneObject objectAt(const Pick& pick, const std::vector<Indices>& clusters,
                      const ModelIndex& index, const PipelineOptions& options) {
+  constexpr float POINTED_AT = 0.015f * 0.015f;  // from the point to the object's surface [m^2]
   const Cloud& scene = pick.window.cloud;
   const std::vector<Table> tables = {pick.table};
   const auto proposals = proposeObjects(scene, clusters, tables, index, options.match);
   const auto objects = decideObjects(scene, clusters, proposals, tables, index, options.match,
                                      options.refine, options.verify);
-  const SceneObject* best = nullptr;
-  float least = 0;
+  SceneObject best = unknownObject(scene, clusters.front(), FIRST_LABEL, pick.table);
+  best.reason = "part of another object";
+  float least = POINTED_AT;
   for (const auto& object : objects) {
-    if (std::find(object.labels.begin(), object.labels.end(), FIRST_LABEL) == object.labels.end())
+    if (object.name == "unknown") {
+      if (best.name == "unknown" && object.labels.front() == FIRST_LABEL) best = object;
       continue;
+    }
     const float squared = squaredDistance(index, object, pick.point);
-    if (best && squared >= least) continue;
-    best = &object;
+    if (squared > least) continue;
+    best = object;
     least = squared;
   }
-  if (best) return *best;
-  SceneObject unknown = unknownObject(scene, clusters.front(), FIRST_LABEL, pick.table);
-  unknown.reason = "part of another object";
-  return unknown;
+  return best;
+}
+
+/// What was picked cut at shallower hollows, the part at the point first; nothing where that cuts
+/// no better.
+std::vector<Indices> cutFiner(const Pick& pick, double concave_angle_deg,
+                              const PipelineOptions& options) {
+  SplitOptions finer = options.split;
+  finer.concave_angle_deg = concave_angle_deg;
+  auto parts = splitClusters(pick.window.cloud, {pick.thing()}, finer);
+  if (parts.size() < 2) return {};
+  const auto at =
+      clusterAt(pick.window.cloud, parts, pick.point, {pick.table}, options.table, options.pick);
+  if (!at) return {};
+  std::rotate(parts.begin(), parts.begin() + *at, parts.begin() + *at + 1);
+  return parts;
 }
 
 }  // namespace
@@ -214,10 +231,19 @@ Pick atFullResolution(const Cloud& cloud, Pick pick) {
 
 SceneObject recognizePick(const Pick& pick, const ModelIndex& index,
                           const PipelineOptions& options) {
-  SceneObject alone = objectAt(pick, {pick.thing()}, index, options);
-  if (alone.name != "unknown" || pick.clusters.size() == 1) return alone;
-  SceneObject among = objectAt(pick, pick.clusters, index, options);
-  return among.name != "unknown" ? among : alone;
+  SceneObject best = objectAt(pick, {pick.thing()}, index, options);
+  const auto offer = [&](const std::vector<Indices>& clusters) {
+    const SceneObject other = objectAt(pick, clusters, index, options);
+    if (other.name != "unknown" && other.score > best.score) best = other;
+  };
+  if (pick.clusters.size() > 1) offer(pick.clusters);
+  double angle_deg = options.split.concave_angle_deg;
+  for (int cuts = 0; cuts < FINER_CUTS && best.name == "unknown"; ++cuts) {
+    angle_deg /= 2;
+    const auto parts = cutFiner(pick, angle_deg, options);
+    if (!parts.empty()) offer(parts);
+  }
+  return best;
 }
 
 void completePick(Pick& pick, const ObjectModel& model, const Eigen::Isometry3d& T_camera_object,
