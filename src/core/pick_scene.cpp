@@ -73,7 +73,18 @@ Found<std::vector<Indices>> clustersAt(const Cloud& cloud, const Eigen::Vector3f
   return parts;
 }
 
-Found<Pick> pickInWindow(Pick pick, const std::vector<Table>& tables,
+/// Of a window's points those that every step-th pixel of the whole cloud shows, none put in its
+/// place: of a thing all faces to their share.
+Indices evenlySpaced(const Cloud& whole, const CloudWindow& window, const Indices& points) {
+  if (window.step == 1 || !window.cloud.organized()) return points;
+  Indices even;
+  std::copy_if(points.begin(), points.end(), std::back_inserter(even),
+               [&](int i) { return whole.point(window.sourceOf(i)) == window.cloud.point(i); });
+  return even;
+}
+
+/// `whole`: the cloud of the window.
+Found<Pick> pickInWindow(Pick pick, const Cloud& whole, const std::vector<Table>& tables,
                          const PipelineOptions& whole_options) {
   StopWatch watch(pick.times_ms);
   const PipelineOptions options = decimated(whole_options, pick.window.step);
@@ -85,7 +96,8 @@ Found<Pick> pickInWindow(Pick pick, const std::vector<Table>& tables,
   const auto points = pointsAt(cloud, pick.thing());
   pick.table = tables[tableUnder(tables, centroidOf(points))];
   pick.table.inliers.clear();
-  const auto surface = graspSurface(cloud, pick.thing(), pick.table, options.pick);
+  const auto surface =
+      graspSurface(cloud, evenlySpaced(whole, pick.window, pick.thing()), pick.table, options.pick);
   if (!surface) return Found<Pick>::none(surface.reason);
   pick.surface = *surface;
   pick.box = boxAround(points, pick.table.plane.head<3>());
@@ -188,7 +200,7 @@ Found<Pick> pickThing(const Cloud& cloud, const Eigen::Vector3f& point,
   pick.point = point;
   pick.window = windowAround(cloud, point, options.pick.reach, stepOf(cloud, PICK_COLUMNS));
   watch.lap("window");
-  return pickInWindow(std::move(pick), tables, options);
+  return pickInWindow(std::move(pick), cloud, tables, options);
 }
 
 Found<Pick> pickInScene(const Cloud& cloud, const Eigen::Vector3f& point,
@@ -210,7 +222,7 @@ Found<Pick> pickInScene(const Cloud& cloud, const Eigen::Vector3f& point,
   pick.window.cloud = filterCloud(std::move(pick.window.cloud), options.filter);
   if (options.filter.leaf_size > 0) pick.window.source.clear();
   watch.lap("window");
-  return pickInWindow(std::move(pick), *tables, options);
+  return pickInWindow(std::move(pick), cloud, *tables, options);
 }
 
 Pick atFullResolution(const Cloud& cloud, Pick pick) {
