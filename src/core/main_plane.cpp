@@ -20,8 +20,8 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr std::size_t SAMPLE_SIZE = 1504;  // points that planes are counted over
-constexpr std::size_t LANES = 8;           // points that a kernel takes at once
+constexpr std::size_t SAMPLE_SIZE = 800;  // points that planes are counted over
+constexpr std::size_t LANES = 8;          // points that a kernel takes at once
 constexpr int DRAWS = 8;
 constexpr int CLIMBS = 3;  // from the best of the draws
 constexpr std::uint32_t SEED = 1;
