@@ -11,7 +11,8 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr int TABLE_COLUMNS = 213;  // of the image in which tables are looked for
+constexpr int TABLE_COLUMNS = 106;  // of the image in which tables are looked for: the grid of
+                                    // their normals needs no more
 constexpr int PICK_COLUMNS = 320;  // of the image that a thing is found in, the window a part of it
 
 constexpr int FINER_CUTS = 2;             // of what resembles nothing, each at half the angle
