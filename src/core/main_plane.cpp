@@ -20,8 +20,8 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr std::size_t SAMPLE_SIZE = 800;  // points that planes are counted over
-constexpr std::size_t LANES = 8;          // points that a kernel takes at once
+constexpr std::size_t SAMPLE_SIZE = 1000;  // points that planes are counted over
+constexpr std::size_t LANES = 8;           // points that a kernel takes at once
 constexpr int DRAWS = 8;
 constexpr int CLIMBS = 3;  // from the best of the draws
 constexpr std::uint32_t SEED = 1;
@@ -183,7 +183,9 @@ std::optional<Eigen::Vector4d> mainPlane(const Cloud& thing, double distance) {
                    [](const auto& a, const auto& b) { return a.near > b.near; });
   CountedPlane best;
   for (int i = 0; i < CLIMBS; ++i) {
-    const auto reached = climbed(sample, starts[i]);
+    auto reached = climbed(sample, starts[i]);
+    // Two faces may be of nearly one size: a sample does not tell them apart.
+    reached.near = static_cast<int>(countNearPlane(thing, reached.plane, distance));
     if (reached.near > best.near) best = reached;
   }
   return leastAbsolute(sample.points, best.plane, distance);

