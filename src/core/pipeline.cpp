@@ -14,12 +14,15 @@
 namespace tabletop_perception {
 namespace {
 
-/// The points of several clusters.
-Indices pointsOf(const std::vector<Indices>& clusters, const std::vector<int>& members) {
-  Indices points;
-  for (const int k : members) points.insert(points.end(), clusters[k].begin(), clusters[k].end());
-  std::sort(points.begin(), points.end());
-  return points;
+/// The samples of several clusters.
+Surface sampleOf(const std::vector<Surface>& samples, const std::vector<int>& members) {
+  Surface all;
+  for (const int k : members) {
+    const Surface& some = samples[k];
+    all.points.insert(all.points.end(), some.points.begin(), some.points.end());
+    all.normals.insert(all.normals.end(), some.normals.begin(), some.normals.end());
+  }
+  return all;
 }
 
 std::vector<std::uint32_t> labelsOfMembers(const std::vector<int>& members) {
@@ -111,12 +114,15 @@ std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indic
   checkOptions("match", options);
   const Observations observations(scene, tables);
   const auto unions = clusterUnions(scene, clusters, options.union_gap);
+  std::vector<Surface> samples(clusters.size());
+  forEach(clusters.size(), options.threads, [&](std::size_t k) {
+    samples[k] = sampleCluster(scene, clusters[k], index.descriptorOptions());
+  });
   std::vector<Proposal> proposals;
   for (const auto& members : unions)
     proposals.push_back({labelsOfMembers(members), Found<std::vector<Candidate>>::none("")});
   forEach(unions.size(), options.threads, [&](std::size_t k) {
-    const Surface sample =
-        sampleCluster(scene, pointsOf(clusters, unions[k]), index.descriptorOptions());
+    const Surface sample = sampleOf(samples, unions[k]);
     const Observation& observation = observations.about(centroidOf(sample.points));
     proposals[k].candidates = matchCluster(sample, observation, index, options);
   });

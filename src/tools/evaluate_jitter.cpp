@@ -6,10 +6,9 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/Eigenvalues>
-
 #include "evaluate.h"
 #include "pose_files.h"
+#include "pose_jitter.h"
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/tracker.h"
 
@@ -30,11 +29,6 @@ struct Track {
   std::size_t frames = 0;  ///< of the scene
 };
 
-/// Mean and 95th percentile.
-struct Spread {
-  double mean = 0, p95 = 0;
-};
-
 /// How a thing that stands still moves.
 struct Jitter {
   Spread translation;  ///< from the mean position [m]
@@ -42,41 +36,12 @@ struct Jitter {
   std::size_t flips = 0;
 };
 
-Spread spreadOf(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  Spread spread;
-  for (const double value : values) spread.mean += value / static_cast<double>(values.size());
-  spread.p95 = values[static_cast<std::size_t>(0.95 * static_cast<double>(values.size() - 1))];
-  return spread;
-}
-
-/// The rotation of least mean squared chordal distance (Markley et al. 2007).
-Eigen::Quaterniond meanRotation(const std::vector<Eigen::Isometry3d>& poses) {
-  Eigen::Matrix4d sum = Eigen::Matrix4d::Zero();
-  for (const auto& pose : poses) {
-    const Eigen::Vector4d q = Eigen::Quaterniond(pose.linear()).coeffs();
-    sum += q * q.transpose();
-  }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(sum);
-  return Eigen::Quaterniond(Eigen::Vector4d(solver.eigenvectors().col(3)));
-}
-
 Jitter jitterOf(const Track& track) {
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const auto& pose : track.poses)
-    middle += pose.translation() / static_cast<double>(track.poses.size());
-  const Eigen::Quaterniond mean = meanRotation(track.poses);
-  std::vector<double> shifts, turns;
-  Jitter jitter;
-  for (std::size_t i = 0; i < track.poses.size(); ++i) {
-    const Eigen::Quaterniond rotation(track.poses[i].linear());
-    shifts.push_back((track.poses[i].translation() - middle).norm());
-    turns.push_back(mean.angularDistance(rotation));
-    jitter.flips += i > 0 && rotation.angularDistance(
-                                 Eigen::Quaterniond(track.poses[i - 1].linear())) > FLIP_ANGLE;
-  }
-  jitter.translation = spreadOf(shifts);
-  jitter.rotation = spreadOf(turns);
+  const Deviations deviations = deviationsFromMean(track.poses);
+  Jitter jitter{spreadOf(deviations.shifts), spreadOf(deviations.turns), 0};
+  for (std::size_t i = 1; i < track.poses.size(); ++i)
+    jitter.flips +=
+        angleOf(track.poses[i - 1].linear().transpose() * track.poses[i].linear()) > FLIP_ANGLE;
   return jitter;
 }
 
