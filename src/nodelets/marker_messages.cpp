@@ -154,8 +154,9 @@ Cloud modelsAtPoses(const RecognizedObjectArray& objects, const ModelIndex& inde
 }
 
 visualization_msgs::MarkerArrayPtr pickMarkers(const PickedObject& picked) {
-  constexpr double AXIS_LENGTH = 0.08, AXIS_WIDTH = 0.006, HEAD_WIDTH = 0.012;  // [m]
-  constexpr double DISC_THICKNESS = 0.001;                                      // [m]
+  constexpr double AXIS_LENGTH = 0.08, AXIS_WIDTH = 0.008, HEAD_WIDTH = 0.02;  // [m]
+  constexpr double BEYOND = 0.04;  // the surface's edge: the origin lies within the thing [m]
+  constexpr double DISC_THICKNESS = 0.001;  // [m]
   auto message = boost::make_shared<visualization_msgs::MarkerArray>();
   message->markers.push_back(marker(picked.header, "", 0, Marker::CUBE, 0));
   message->markers.back().action = Marker::DELETEALL;
@@ -173,8 +174,10 @@ visualization_msgs::MarkerArrayPtr pickMarkers(const PickedObject& picked) {
     message->markers.push_back(arrow);
   };
   constexpr std::array<std::uint32_t, 3> AXES = {0xff0000, 0x00ff00, 0x0000ff};
+  const Eigen::Vector3d lengths(picked.extents[0] / 2 + BEYOND, picked.extents[1] / 2 + BEYOND,
+                                AXIS_LENGTH);
   for (int axis = 0; axis < 3; ++axis)
-    addArrow("axes", axis, picked.pose, AXIS_LENGTH * Eigen::Vector3d::Unit(axis), AXES[axis]);
+    addArrow("axes", axis, picked.pose, lengths[axis] * Eigen::Vector3d::Unit(axis), AXES[axis]);
   addArrow("approach", 0, picked.pregrasp, AXIS_LENGTH * Eigen::Vector3d::UnitZ(), TEXT_COLOR);
 
   Marker disc = marker(picked.header, "plane", 0, Marker::CYLINDER, TABLE_COLOR);
