@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -25,12 +26,13 @@ struct SceneObject {
   double score = 0;                   ///< probability of being right, 0 to 1
   Eigen::Isometry3d T_camera_object = Eigen::Isometry3d::Identity();  ///< unknown: its box's pose
   PoseUncertainty uncertainty;                                        ///< of a known object's pose
-  double fitness = 0;  ///< RMS distance of the explained points [m]
-  double visible = 0;  ///< share of the model's surface that was seen, 0 to 1
-  int points = 0;      ///< of the cloud
-  Evidence evidence;   ///< that its score follows from; of a known object
-  Box box;             ///< about its points
-  std::string reason;  ///< why it is unknown
+  double fitness = 0;                   ///< RMS distance of the explained points [m]
+  double visible = 0;                   ///< share of the model's surface that was seen, 0 to 1
+  int points = 0;                       ///< of the cloud
+  Evidence evidence;                    ///< that its score follows from; of a known object
+  Box box;                              ///< about its points
+  std::string reason;                   ///< why it is unknown
+  std::optional<std::size_t> followed;  ///< index of the expected object that it still is
 };
 
 /// Some clusters of a scene that may be one thing, and what it may be.
@@ -52,10 +54,16 @@ Surface sampleCluster(const Cloud& scene, const Indices& cluster, const Descript
 /// cluster that nothing explains is "unknown", with its box and the reason. In the order of the
 /// labels. `tables`: all, the main one first; each thing is verified against the one that it stands
 /// on.
+///
+/// `expected`: named objects of the frame before, at the poses that they had. One that is still
+/// there, as good as it was, is followed: ICP starts at that pose, and its turn, its lead over
+/// others and the fit that they were decided by stay as they are. What they explain is not decided
+/// anew.
 std::vector<SceneObject> decideObjects(const Cloud& scene, const std::vector<Indices>& clusters,
                                        const std::vector<Proposal>& proposals,
                                        const std::vector<Table>& tables, const ModelIndex& index,
                                        const MatchOptions& match, const RefineOptions& refine,
-                                       const VerifyOptions& verify);
+                                       const VerifyOptions& verify,
+                                       const std::vector<SceneObject>& expected = {});
 
 }  // namespace tabletop_perception

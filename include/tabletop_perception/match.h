@@ -31,6 +31,7 @@ struct MatchOptions {
   bool color = true;   ///< colours count where both model and scene have them
   int max_candidates = 10;  ///< best initial poses kept per cluster, and per part of it
   int threads = 1;          ///< clusters matched at a time; the answers are the same
+  double keep = 2;  ///< how long a cluster that stays as it is keeps its candidates; 0: not [s]
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
@@ -48,6 +49,7 @@ struct MatchOptions {
     visit("color", color);
     visit("max_candidates", max_candidates, Range{1, 1000});
     visit("threads", threads, Range{1, 64});
+    visit("keep", keep, Range{0, 3600});
   }
 };
 

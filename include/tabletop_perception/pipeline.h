@@ -18,6 +18,7 @@
 #include "tabletop_perception/match.h"
 #include "tabletop_perception/model_index.h"
 #include "tabletop_perception/pick.h"
+#include "tabletop_perception/proposal_memory.h"
 #include "tabletop_perception/refine.h"
 #include "tabletop_perception/split.h"
 #include "tabletop_perception/table.h"
@@ -92,6 +93,14 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
 std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indices>& clusters,
                                      const std::vector<Table>& tables, const ModelIndex& index,
                                      const MatchOptions& options);
+
+/// The same; clusters that stay as they were in the frame before keep their candidates for
+/// `options.keep`. `stamp`: time of the frame [s]. The memory must have been filled with the same
+/// index and options.
+std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indices>& clusters,
+                                     const std::vector<Table>& tables, const ModelIndex& index,
+                                     const MatchOptions& options, double stamp,
+                                     ProposalMemory& memory);
 
 /// The whole pipeline in one call.
 Recognition recognizeScene(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,

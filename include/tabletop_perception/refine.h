@@ -21,6 +21,7 @@ struct RefineOptions {
   double min_rotation = 0.0005;      ///< a smaller step ends the iteration, with the next [rad]
   double min_translation = 0.00005;  ///< [m]
   double min_overlap = 0.3;          ///< least share of the cluster with correspondences
+  double keep = 2;  ///< how long a thing that stays as it is is not decided anew; 0: not [s]
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
@@ -32,6 +33,7 @@ struct RefineOptions {
     visit("min_rotation", min_rotation, Range{0, 0.1});
     visit("min_translation", min_translation, Range{0, 0.01});
     visit("min_overlap", min_overlap, Range{0, 1});
+    visit("keep", keep, Range{0, 3600});
   }
 };
 

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -13,15 +16,17 @@
 namespace tabletop_perception {
 
 struct TrackerOptions {
-  double max_step = 0.1;  ///< farthest a thing moves between two sightings of it [m]
-  double memory = 5;      ///< how long a thing that is out of sight is remembered [s]
-  double confirm = 0.2;   ///< how long a thing is seen before it is confirmed [s]
-  double grace = 0.5;     ///< how long a confirmed thing counts as there without being seen [s]
+  double max_step = 0.1;   ///< farthest a thing moves between two sightings of it [m]
+  double max_speed = 0.3;  ///< and how much farther in each second that it is out of sight [m/s]
+  double memory = 5;       ///< how long a thing that is out of sight is remembered [s]
+  double confirm = 0.2;    ///< how long a thing is seen before it is confirmed [s]
+  double grace = 0.5;      ///< how long a confirmed thing counts as there without being seen [s]
   double drift = 0.001;  ///< how far a thing at rest may creep in a second [m]; turns: 10 rad per m
 
   template <typename Visitor>
   void visitFields(Visitor&& visit) {
     visit("max_step", max_step, Range{0.001, 10});
+    visit("max_speed", max_speed, Range{0, 10});
     visit("memory", memory, Range{0, 3600});
     visit("confirm", confirm, Range{0, 60});
     visit("grace", grace, Range{0, 60});
@@ -39,6 +44,7 @@ struct Sighting {
   Eigen::Isometry3d T_world_object;                    ///< in the same frame at every call
   PoseCovariance covariance = PoseCovariance::Zero();  ///< zero: not known, nothing is filtered
   Symmetry symmetry;                                   ///< of the object
+  std::optional<Eigen::Vector3d> middle;  ///< of what was seen of it, where it is known
 };
 
 /// A thing as the tracker knows it.
@@ -52,9 +58,11 @@ struct TrackedThing {
 
 /// Gives things ids that stay, and poses that do not tremble.
 ///
-/// A sighting takes over the id of a thing of its name that was seen within `max_step` of it less
-/// than `memory` ago, nearest pairs first; any other is a new thing. Ids count up from 1 and are
-/// never used twice, whatever the name.
+/// A sighting takes over the id of a thing of its name that was seen within `max_step` of it (and
+/// `max_speed` times the time that it was out of sight) less than `memory` ago, nearest pairs
+/// first; any other is a new thing. Ids count up from 1 and are never used twice, whatever the
+/// name. A thing that has lost its name for some frames, in somebody's hand say, is followed
+/// meanwhile by the middle of an unknown thing that was no farther away.
 ///
 /// Of poses that look the same the one nearest to the last is taken. A pose is the mean of all
 /// sightings by their covariances (a Kalman filter of a thing at rest) until one contradicts it:
@@ -77,14 +85,27 @@ class Tracker {
  private:
   struct Track {
     TrackedThing thing;
-    double first, last;  ///< sighting [s]
+    double first, last;                     ///< sighting [s]
+    std::optional<Eigen::Vector3d> middle;  ///< of what was seen of it last, under whatever name
+    double followed;                        ///< when that was [s]
   };
 
+  struct Pair {
+    double distance;  ///< [m]
+    std::size_t track, sighting;
+  };
+
+  /// One to one, track and sighting, the nearest first.
+  static std::vector<std::pair<std::size_t, std::size_t>> nearestPairs(std::vector<Pair> pairs);
+  double reachOf(const Track& track) const;
+  double distanceBetween(const Track& track, const Sighting& sighting) const;
   void add(Track& track, double stamp, const Sighting& sighting) const;
+  void followUnnamed(const std::vector<Sighting>& sightings);
 
   TrackerOptions options_;
   std::vector<Track> tracks_;
-  double stamp_ = 0;  ///< of the last frame [s]
+  double stamp_ = 0;     ///< of the last frame [s]
+  double previous_ = 0;  ///< of the one before [s]
   std::uint32_t next_id_ = 1;
 };
 

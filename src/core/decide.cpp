@@ -30,6 +30,11 @@ constexpr double TAKEN_SHARE = 0.5;     // of a cluster that objects explain: it
 constexpr double SETTLED_LIFT = 0.008;  // by which settling may raise or lower a thing [m]
 constexpr double SETTLED_COLOR_GAIN = 1.25;  // by which it may make colours more alike
 constexpr double MIN_LEFT_SHARE = 0.15;      // of a cluster that is worth another look
+constexpr double FOLLOWED_SHIFT = 0.01;      // farthest that a thing at rest seems to move [m]
+constexpr double FOLLOWED_TURN = 0.1;        // [rad]
+constexpr double AS_GOOD = 0.9;  // agreement of what is followed, of what it was decided by
+constexpr double MIN_MET_SHARE =
+    0.2;  // of a part that an expected object explains if it may show it
 
 /// The parts of some clusters, or what is left of them.
 struct Parts {
@@ -59,6 +64,7 @@ struct Hypothesis {
   double rms = 0;   ///< distance of the points about it from its tangent planes [m]
   double turn = 1;  ///< probability of its turn among those that look nearly alike
   PoseUncertainty uncertainty;
+  double lead = 1;  ///< its margin is no larger: what it was when it was decided
 
   double worth() const { return verification.score * points; }
   bool stands() const { return verification.reason.empty(); }
@@ -82,7 +88,23 @@ class Decision {
         taken_(samples_.parts),
         reasons_(clusters.size()) {}
 
+  /// Keeps what is expected and still there.
+  void follow(const std::vector<SceneObject>& expected) {
+    for (std::size_t e = 0; e < expected.size(); ++e) {
+      const auto hypothesis = stillThere(expected[e]);
+      if (!hypothesis) continue;
+      taken_.mark(hypothesis->explained);
+      objects_.push_back(knownObject(polished(*hypothesis)));
+      objects_.back().followed = e;
+    }
+  }
+
   void judge(const Proposal& proposal) {
+    const bool known =
+        std::all_of(proposal.labels.begin(), proposal.labels.end(), [&](const std::uint32_t label) {
+          return shareOfCluster(taken_, label - 2) > 1 - MIN_LEFT_SHARE;
+        });
+    if (known) return;
     std::string& reason = reasons_.at(proposal.labels.front() - 2);
     const bool alone = proposal.labels.size() == 1;
     if (alone) reason = proposal.candidates.reason;
@@ -135,8 +157,12 @@ class Decision {
 
   Evidence evidenceOf(const Hypothesis& hypothesis) const {
     const double leaf = index_.descriptorOptions().leaf;
-    return {hypothesis.verification.agreement, hypothesis.rms,     hypothesis.points * leaf * leaf,
-            rivalOf(hypothesis).margin,        liftOf(hypothesis), hypothesis.turn};
+    return {hypothesis.verification.agreement,
+            hypothesis.rms,
+            hypothesis.points * leaf * leaf,
+            std::min(rivalOf(hypothesis).margin, hypothesis.lead),
+            liftOf(hypothesis),
+            hypothesis.turn};
   }
 
   /// The score that a hypothesis may have at most once it is settled, which takes much longer.
@@ -250,7 +276,8 @@ class Decision {
           0,
           0,
           1,
-          {}};
+          {},
+          1};
       if (hypothesis.verification.score > best_score) {
         best_score = hypothesis.verification.score;
         reason = hypothesis.stands() ? "" : candidate.name + ": " + hypothesis.verification.reason;
@@ -259,16 +286,68 @@ class Decision {
       const auto twin = twinOf(hypothesis);
       if (twin != hypotheses_.end() && twin->verification.score >= hypothesis.verification.score)
         continue;
-      for (std::size_t p = 0; p < samples_.parts.size(); ++p)
-        hypothesis.explained.mark(p, explainedPoints(index_, model, hypothesis.T_camera_object,
-                                                     samples_.planar[p], verify_.tolerance));
-      hypothesis.points = hypothesis.explained.count();
+      markExplained(hypothesis);
       if (twin != hypotheses_.end())
         *twin = std::move(hypothesis);
       else
         hypotheses_.push_back(std::move(hypothesis));
     }
     return reason;
+  }
+
+  /// An expected object where it was, if it agrees with what the camera sees as it did.
+  std::optional<Hypothesis> stillThere(const SceneObject& expected) const {
+    const int model = index_.find(expected.name);
+    if (model < 0) return std::nullopt;
+    const auto parts = partsAbout(model, expected.T_camera_object);
+    if (parts.surfaces.empty()) return std::nullopt;
+    const auto alignment = refinePose(sourceFor(model, expected.T_camera_object, parts),
+                                      index_.grid(model), expected.T_camera_object, refine_);
+    if (!alignment || !samePose(Symmetry(), expected.T_camera_object, alignment->T_camera_object,
+                                FOLLOWED_SHIFT, FOLLOWED_TURN))
+      return std::nullopt;
+    const Evidence& before = expected.evidence;
+    Hypothesis hypothesis{model,
+                          alignment->T_camera_object,
+                          verifyPose(index_, model, alignment->T_camera_object, parts.planar,
+                                     observations_.about(middleOf(parts.surfaces)), verify_),
+                          Marks(samples_.parts),
+                          0,
+                          before.rms,
+                          before.turn,
+                          {},
+                          before.margin};
+    if (!hypothesis.stands() ||
+        hypothesis.verification.score < AS_GOOD * before.agreement.score(verify_.tolerance))
+      return std::nullopt;
+    markExplained(hypothesis);
+    if (commonOf(hypothesis.explained, taken_) > (1 - MIN_OWN_SHARE) * hypothesis.points ||
+        probabilityOf(evidenceOf(hypothesis)) < verify_.min_score)
+      return std::nullopt;
+    return hypothesis;
+  }
+
+  /// The parts of all clusters that may show a model at a pose.
+  Parts partsAbout(int model, const Eigen::Isometry3d& T_camera_object) const {
+    std::vector<bool> met(clusters_.size(), false);
+    for (std::size_t p = 0; p < samples_.parts.size(); ++p)
+      if (explainedShare(index_, model, T_camera_object, samples_.planar[p], REACH) > MIN_MET_SHARE)
+        met[samples_.cluster_of_part[p]] = true;
+    Parts parts;
+    for (std::size_t p = 0; p < samples_.parts.size(); ++p) {
+      if (!met[samples_.cluster_of_part[p]]) continue;
+      parts.surfaces.push_back(samples_.parts[p]);
+      parts.planar.push_back(samples_.planar[p]);
+    }
+    return parts;
+  }
+
+  void markExplained(Hypothesis& hypothesis) const {
+    for (std::size_t p = 0; p < samples_.parts.size(); ++p)
+      hypothesis.explained.mark(
+          p, explainedPoints(index_, hypothesis.model, hypothesis.T_camera_object,
+                             samples_.planar[p], verify_.tolerance));
+    hypothesis.points = hypothesis.explained.count();
   }
 
   /// The hypothesis of the same object at the same place, which another cluster or union led to.
@@ -338,7 +417,8 @@ class Decision {
 
   double liftOf(const Hypothesis& hypothesis) const {
     return tabletop_perception::liftOf(index_, hypothesis.model, hypothesis.T_camera_object,
-                                       samples_.parts, hypothesis.explained, tables_);
+                                       samples_.parts, hypothesis.explained, observations_,
+                                       tables_);
   }
 
   void noteRefusal(const Hypothesis& hypothesis, const std::string& refusal) {
@@ -493,8 +573,10 @@ std::vector<SceneObject> decideObjects(const Cloud& scene, const std::vector<Ind
                                        const std::vector<Proposal>& proposals,
                                        const std::vector<Table>& tables, const ModelIndex& index,
                                        const MatchOptions& match, const RefineOptions& refine,
-                                       const VerifyOptions& verify) {
+                                       const VerifyOptions& verify,
+                                       const std::vector<SceneObject>& expected) {
   Decision decision(scene, clusters, tables, index, match, refine, verify);
+  decision.follow(expected);
   for (const auto& proposal : proposals) decision.judge(proposal);
   decision.choose();
   decision.judgeRest(proposals);

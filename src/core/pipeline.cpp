@@ -111,21 +111,42 @@ Segmentation segmentScene(const Cloud& cloud, const std::optional<Eigen::Vector3
 std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indices>& clusters,
                                      const std::vector<Table>& tables, const ModelIndex& index,
                                      const MatchOptions& options) {
+  ProposalMemory none;
+  return proposeObjects(scene, clusters, tables, index, options, 0, none);
+}
+
+std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indices>& clusters,
+                                     const std::vector<Table>& tables, const ModelIndex& index,
+                                     const MatchOptions& options, double stamp,
+                                     ProposalMemory& memory) {
   checkOptions("match", options);
-  const Observations observations(scene, tables);
   const auto unions = clusterUnions(scene, clusters, options.union_gap);
-  std::vector<Surface> samples(clusters.size());
-  forEach(clusters.size(), options.threads, [&](std::size_t k) {
-    samples[k] = sampleCluster(scene, clusters[k], index.descriptorOptions());
-  });
   std::vector<Proposal> proposals;
-  for (const auto& members : unions)
-    proposals.push_back({labelsOfMembers(members), Found<std::vector<Candidate>>::none("")});
-  forEach(unions.size(), options.threads, [&](std::size_t k) {
-    const Surface sample = sampleOf(samples, unions[k]);
-    const Observation& observation = observations.about(centroidOf(sample.points));
-    proposals[k].candidates = matchCluster(sample, observation, index, options);
-  });
+  std::vector<ClusterShape> shapes;
+  std::vector<bool> recalled;
+  std::vector<std::size_t> changed;  // the others
+  for (std::size_t k = 0; k < unions.size(); ++k) {
+    shapes.push_back(shapeOf(scene, clusters, unions[k]));
+    const auto* candidates = memory.recall(stamp, shapes.back(), options.keep);
+    recalled.push_back(candidates != nullptr);
+    if (!candidates) changed.push_back(k);
+    proposals.push_back({labelsOfMembers(unions[k]),
+                         candidates ? *candidates : Found<std::vector<Candidate>>::none("")});
+  }
+  if (!changed.empty()) {
+    const Observations observations(scene, tables);
+    std::vector<Surface> samples(clusters.size());
+    forEach(clusters.size(), options.threads, [&](std::size_t k) {
+      samples[k] = sampleCluster(scene, clusters[k], index.descriptorOptions());
+    });
+    forEach(changed.size(), options.threads, [&](std::size_t i) {
+      const std::size_t k = changed[i];
+      const Surface sample = sampleOf(samples, unions[k]);
+      const Observation& observation = observations.about(centroidOf(sample.points));
+      proposals[k].candidates = matchCluster(sample, observation, index, options);
+    });
+  }
+  memory.remember(stamp, shapes, proposals, recalled);
   return proposals;
 }
 

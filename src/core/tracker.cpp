@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
+#include <utility>
 
 #include <Eigen/Cholesky>
 
@@ -15,10 +17,7 @@ constexpr double TURN_PER_SHIFT = 10;    // of creeping things [rad/m]
 constexpr double CONTRADICTION = 22.46;  // squared Mahalanobis distance, 99.9 % of 6 degrees
 constexpr double SEEN_EVENLY = 0.0003;   // error that sightings share and no mean takes out [m]
 
-struct Pair {
-  double distance;
-  std::size_t track, sighting;
-};
+constexpr char UNKNOWN[] = "unknown";  // name of what has none
 
 /// The angle [rad] by which to turn about an axis, after R, to come nearest to no turn at all.
 double nearestTurn(const Eigen::Matrix3d& R, const Eigen::Vector3d& axis) {
@@ -81,6 +80,8 @@ void Tracker::add(Track& track, double stamp, const Sighting& sighting) const {
   TrackedThing& thing = track.thing;
   const double passed = std::max(0.0, stamp - track.last);
   track.last = stamp;
+  track.middle = sighting.middle;
+  track.followed = stamp;
   thing.confirmed = thing.confirmed || stamp - track.first >= options_.confirm;
   if (sighting.covariance.isZero()) {
     thing.T_world_object = sighting.T_world_object;
@@ -100,9 +101,59 @@ void Tracker::add(Track& track, double stamp, const Sighting& sighting) const {
   }
   // The gain is before * (before + seen)^-1, both symmetric.
   const PoseCovariance gain = sum.solve(before).transpose();
-  thing.T_world_object = stepped(thing.T_world_object, gain * step);
+  // Sightings that differ about the axis of a symmetry seem to tell of the turn about it: they do
+  // not, and the filter would have the thing spin.
+  thing.T_world_object = nearestAlike(stepped(thing.T_world_object, gain * step),
+                                      thing.T_world_object, sighting.symmetry);
   const PoseCovariance rest = before - gain * before;
   thing.covariance = (rest + rest.transpose()) / 2;
+}
+
+std::vector<std::pair<std::size_t, std::size_t>> Tracker::nearestPairs(std::vector<Pair> pairs) {
+  std::stable_sort(pairs.begin(), pairs.end(),
+                   [](const Pair& a, const Pair& b) { return a.distance < b.distance; });
+  std::set<std::size_t> tracks, sightings;  // that are taken
+  std::vector<std::pair<std::size_t, std::size_t>> nearest;
+  for (const auto& [distance, t, s] : pairs) {
+    if (tracks.count(t) > 0 || sightings.count(s) > 0) continue;
+    tracks.insert(t);
+    sightings.insert(s);
+    nearest.emplace_back(t, s);
+  }
+  return nearest;
+}
+
+/// How far from where it was last a thing may be.
+double Tracker::reachOf(const Track& track) const {
+  return options_.max_step + options_.max_speed * std::max(0.0, previous_ - track.followed);
+}
+
+/// How far a thing of the same name would have moved.
+double Tracker::distanceBetween(const Track& track, const Sighting& sighting) const {
+  // Symmetric things turn about their centre, not about the origin of their frame.
+  const Eigen::Vector3d& center = sighting.symmetry.center;
+  const double moved =
+      (track.thing.T_world_object * center - sighting.T_world_object * center).norm();
+  if (!track.middle || !sighting.middle) return moved;
+  return std::min(moved, (*track.middle - *sighting.middle).norm());
+}
+
+/// Moves the middles of named things that this frame does not show to those of unknown ones.
+void Tracker::followUnnamed(const std::vector<Sighting>& sightings) {
+  std::vector<Pair> pairs;
+  for (std::size_t t = 0; t < tracks_.size(); ++t)
+    for (std::size_t s = 0; s < sightings.size(); ++s) {
+      const Track& track = tracks_[t];
+      if (track.thing.name == UNKNOWN || track.last >= stamp_ || !track.middle ||
+          sightings[s].name != UNKNOWN || !sightings[s].middle)
+        continue;
+      const double distance = (*track.middle - *sightings[s].middle).norm();
+      if (distance <= reachOf(track)) pairs.push_back({distance, t, s});
+    }
+  for (const auto& [t, s] : nearestPairs(std::move(pairs))) {
+    tracks_[t].middle = sightings[s].middle;
+    tracks_[t].followed = stamp_;
+  }
 }
 
 std::vector<TrackedThing> Tracker::update(double stamp, const std::vector<Sighting>& sightings) {
@@ -110,7 +161,9 @@ std::vector<TrackedThing> Tracker::update(double stamp, const std::vector<Sighti
     const double back = std::max(0.0, track.last - stamp);
     track.first -= back;
     track.last -= back;
+    track.followed -= back;
   }
+  previous_ = std::min(stamp_, stamp);
   stamp_ = stamp;
   const auto forgotten = [&](const Track& track) { return stamp - track.last > options_.memory; };
   tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(), forgotten), tracks_.end());
@@ -118,30 +171,18 @@ std::vector<TrackedThing> Tracker::update(double stamp, const std::vector<Sighti
   std::vector<Pair> pairs;
   for (std::size_t t = 0; t < tracks_.size(); ++t)
     for (std::size_t s = 0; s < sightings.size(); ++s) {
-      const TrackedThing& thing = tracks_[t].thing;
-      if (thing.name != sightings[s].name) continue;
-      // Symmetric things turn about their centre, not about the origin of their frame.
-      const Eigen::Vector3d& center = sightings[s].symmetry.center;
-      const double distance =
-          (thing.T_world_object * center - sightings[s].T_world_object * center).norm();
-      if (distance <= options_.max_step) pairs.push_back({distance, t, s});
+      if (tracks_[t].thing.name != sightings[s].name) continue;
+      const double distance = distanceBetween(tracks_[t], sightings[s]);
+      if (distance <= reachOf(tracks_[t])) pairs.push_back({distance, t, s});
     }
-  std::stable_sort(pairs.begin(), pairs.end(),
-                   [](const Pair& a, const Pair& b) { return a.distance < b.distance; });
-
   constexpr std::size_t NONE = static_cast<std::size_t>(-1);
   std::vector<std::size_t> track_of(sightings.size(), NONE);
-  std::vector<bool> taken(tracks_.size(), false);
-  for (const auto& [distance, t, s] : pairs) {
-    if (taken[t] || track_of[s] != NONE) continue;
-    taken[t] = true;
-    track_of[s] = t;
-  }
+  for (const auto& [t, s] : nearestPairs(std::move(pairs))) track_of[s] = t;
   std::vector<TrackedThing> things;
   for (std::size_t s = 0; s < sightings.size(); ++s) {
     if (track_of[s] == NONE) {
       track_of[s] = tracks_.size();
-      Track track{{}, stamp, stamp};
+      Track track{{}, stamp, stamp, {}, stamp};
       track.thing.id = next_id_++;
       track.thing.name = sightings[s].name;
       track.thing.T_world_object = sightings[s].T_world_object;
@@ -150,6 +191,7 @@ std::vector<TrackedThing> Tracker::update(double stamp, const std::vector<Sighti
     add(tracks_[track_of[s]], stamp, sightings[s]);
     things.push_back(tracks_[track_of[s]].thing);
   }
+  followUnnamed(sightings);
   return things;
 }
 

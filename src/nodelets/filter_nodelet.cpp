@@ -65,11 +65,14 @@ class FilterNodelet : public StageNodelet {
     });
   }
 
+  /// Frames leave the graph in the order in which they came: those before one that is done are,
+  /// too, even if somebody keeps them.
   bool busy() {
     const auto done = [](const Frame& frame) {
       return frame.cloud.expired() || Clock::now() - frame.start > GIVE_UP;
     };
-    frames_.erase(std::remove_if(frames_.begin(), frames_.end(), done), frames_.end());
+    const auto last_done = std::find_if(frames_.rbegin(), frames_.rend(), done);
+    frames_.erase(frames_.begin(), last_done.base());
     return frames_.size() >= MAX_FRAMES;
   }
 
@@ -78,8 +81,8 @@ class FilterNodelet : public StageNodelet {
     boost::weak_ptr<const CloudMessage> cloud;
     Clock::time_point start;
   };
-  static constexpr std::size_t MAX_FRAMES = 2;       ///< one is refined while the next is matched
-  static constexpr std::chrono::seconds GIVE_UP{2};  ///< somebody keeps the cloud for good
+  static constexpr std::size_t MAX_FRAMES = 2;        ///< one is refined while the next is matched
+  static constexpr std::chrono::seconds GIVE_UP{10};  ///< somebody keeps all clouds
 
   bool unpacked_ = false;  ///< the input comes from a nodelet of this package
   FilterOptions options_;

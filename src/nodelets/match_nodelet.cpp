@@ -20,12 +20,13 @@ namespace tabletop_perception {
 /// `~input` PointCloud2 with labels, `~tables` TableArray and `~cloud`, the filtered PointCloud2 of
 /// the whole scene -> `~candidates` CandidateArray, what each cluster may be, and
 /// `~clusters`, the cloud that they speak of.
+/// Clusters that stay as they are keep their candidates for the time `keep`.
 ///
 /// Parameter: `database`, the file with the objects; it is read again whenever it changes.
 class MatchNodelet : public StageNodelet {
   void start() override {
     models_.emplace(parameter("database", std::string("~/.ros/tabletop.db")));
-    serveOptions<MatchConfig>(getPrivateNodeHandle(), options_);
+    serveOptions<MatchConfig>(getPrivateNodeHandle(), options_, [this] { memory_.clear(); });
     sync_.registerCallback(&MatchNodelet::onClusters, this);
     candidates_pub_ = advertise<CandidateArray>("candidates");
     clusters_pub_ = advertise<CloudMessage>("clusters");
@@ -49,15 +50,17 @@ class MatchNodelet : public StageNodelet {
     attempt(message->header.stamp, [&] {
       const Cloud& scene = scene_message->cloud();
       const auto clusters = clustersOf(message->labels());
+      const int generation = models_->generation();
       const ModelIndex& index = models_->update();
+      if (models_->generation() != generation) memory_.clear();
 
       auto candidates = boost::make_shared<CandidateArray>();
       candidates->header = message->header;
       candidates->reason = models_->reason();
       if (!candidates->reason.empty()) warn(candidates->reason);
       health().setReason(candidates->reason);
-      for (const auto& proposal :
-           proposeObjects(scene, clusters, tablesFromMessage(*tables), index, options_))
+      for (const auto& proposal : proposeObjects(scene, clusters, tablesFromMessage(*tables), index,
+                                                 options_, message->header.stamp.toSec(), memory_))
         candidates->clusters.push_back(messageFromProposal(proposal));
       candidates_pub_.publish(candidates);
       clusters_pub_.publish(message);
@@ -66,6 +69,7 @@ class MatchNodelet : public StageNodelet {
 
   MatchOptions options_;
   std::optional<ModelSource> models_;
+  ProposalMemory memory_;
   ros::Publisher candidates_pub_, clusters_pub_;
   using Policy = message_filters::sync_policies::ExactTime<CloudMessage, TableArray, CloudMessage>;
   message_filters::Subscriber<CloudMessage> input_sub_;

@@ -16,6 +16,7 @@ std::filesystem::path expandHome(const std::string& path) {
 
 void ModelSource::clear(const std::string& reason) {
   index_ = ModelIndex();
+  ++generation_;
   version_.reset();
   reason_ = reason;
 }

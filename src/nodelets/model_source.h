@@ -28,6 +28,9 @@ class ModelSource {
   /// Why the last update() found no object; empty if it did.
   const std::string& reason() const { return reason_; }
 
+  /// Counts the updates that found other objects than before.
+  int generation() const { return generation_; }
+
  private:
   void clear(const std::string& reason);
 
@@ -37,6 +40,7 @@ class ModelSource {
   std::optional<long> version_;  ///< that the index, or the reason, was made from
   ModelIndex index_;
   std::string reason_;
+  int generation_ = 0;
 };
 
 }  // namespace tabletop_perception

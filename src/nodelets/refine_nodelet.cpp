@@ -26,6 +26,7 @@
 #include "tabletop_perception/RefineConfig.h"
 #include "tabletop_perception/TrackConfig.h"
 #include "tabletop_perception/VerifyConfig.h"
+#include "tabletop_perception/object_memory.h"
 #include "tabletop_perception/pick_scene.h"
 #include "tabletop_perception/pipeline.h"
 #include "tabletop_perception/tracker.h"
@@ -126,10 +127,13 @@ class RefineNodelet : public StageNodelet {
     attempt(candidates->header.stamp, [&] {
       const ModelIndex& index = models_->update();
       const auto standing_on = tablesFromMessage(*tables);
-      auto objects =
-          decideScene(*cloud.getConstMessage(), *clusters, *candidates, standing_on, index);
       const Eigen::Isometry3d T_track_camera = cameraInTrackFrame(candidates->header);
+      const double stamp = candidates->header.stamp.toSec();
+      auto objects =
+          decideScene(*cloud.getConstMessage(), *clusters, *candidates, standing_on, index,
+                      memory_.expected(stamp, T_track_camera, options_.refine.keep));
       const auto tracked = track(objects, index, T_track_camera, candidates->header.stamp);
+      memory_.remember(stamp, T_track_camera, objects);
 
       auto message = boost::make_shared<RecognizedObjectArray>();
       message->header = candidates->header;
@@ -156,7 +160,8 @@ class RefineNodelet : public StageNodelet {
   std::vector<SceneObject> decideScene(const CloudMessage& cloud_message,
                                        const CloudMessage& clusters_message,
                                        const CandidateArray& candidates,
-                                       const std::vector<Table>& tables, const ModelIndex& index) {
+                                       const std::vector<Table>& tables, const ModelIndex& index,
+                                       const std::vector<SceneObject>& expected) {
     const Cloud& scene = cloud_message.cloud();
     const auto& labels = clusters_message.labels();
     if (labels.size() != scene.size())
@@ -168,7 +173,7 @@ class RefineNodelet : public StageNodelet {
     for (const auto& entry : candidates.clusters)
       proposals.push_back(proposalFromMessage(entry, clusters.size()));
     return decideObjects(scene, clusters, proposals, tables, index, options_.match, options_.refine,
-                         options_.verify);
+                         options_.verify, expected);
   }
 
   static bool hasGrasps(const SceneObject& object, const ModelIndex& index) {
@@ -198,7 +203,8 @@ class RefineNodelet : public StageNodelet {
       const int model = index.find(object.name);
       sightings.push_back({object.name, T_track_camera * object.T_camera_object,
                            turnedCovariance(object.uncertainty.covariance, T_track_camera.linear()),
-                           model < 0 ? Symmetry() : index.models()[model].symmetry});
+                           model < 0 ? Symmetry() : index.models()[model].symmetry,
+                           T_track_camera * object.box.T_camera_box.translation()});
     }
     tracker_.setOptions(options_.track);
     const auto things = tracker_.update(stamp.toSec(), sightings);
@@ -302,7 +308,7 @@ class RefineNodelet : public StageNodelet {
     std::unique_lock<std::mutex> lock(latest_mutex_);
     const auto before = latest_.objects;
     const auto arrived = [&] {
-      return stopping_ || (latest_.objects != before && latest_.received >= called);
+      return stopping_ || (latest_.objects != before && isSince(called, latest_.received));
     };
     const bool came = latest_changed_.wait_until(lock, deadline, arrived);
     return came && !stopping_ ? latest_.objects : nullptr;
@@ -329,6 +335,7 @@ class RefineNodelet : public StageNodelet {
   bool publish_tf_ = true;
   std::string track_frame_;
   std::optional<ModelSource> models_;
+  ObjectMemory memory_;
   Tracker tracker_;
 
   tf2_ros::Buffer tf_;

@@ -45,6 +45,10 @@ class StageNodelet : public nodelet::Nodelet {
     return value;
   }
 
+  /// For a nodelet without options: throws std::invalid_argument for a parameter that it does not
+  /// know.
+  void refuseOtherParameters();
+
   /// Keeps `options` as the parameters under `nh` and dynamic_reconfigure say. Throws
   /// std::invalid_argument for an unknown parameter, a wrong type, a value out of range or two that
   /// contradict each other; a reconfiguration that does is refused, and the options stay. `changed`
@@ -108,6 +112,10 @@ class StageNodelet : public nodelet::Nodelet {
 
   /// What else the diagnostics say: frames that are dropped, and why a frame has no result.
   StageHealth& health() { return health_; }
+
+  /// Whether `time` is not before `called`, a moment that is past. Where the clock was set back
+  /// since (a bag begins anew), whether it is after that.
+  static bool isSince(const ros::Time& called, const ros::Time& time);
 
   /// Why nothing comes: which of the inputs nobody publishes.
   static std::string inputsReport(const std::vector<ros::Subscriber>& inputs);

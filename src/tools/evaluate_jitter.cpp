@@ -69,7 +69,7 @@ std::vector<Track> tracksOf(const std::string& scene, const std::vector<fs::path
     const auto objects = readResults(file);
     std::vector<Sighting> sightings;
     for (const auto& object : objects)
-      sightings.push_back({object.name, object.T_camera_object, PoseCovariance::Zero(), {}});
+      sightings.push_back({object.name, object.T_camera_object, PoseCovariance::Zero(), {}, {}});
     const auto things = tracker.update(stamp += FRAME_TIME, sightings);
     for (std::size_t i = 0; i < objects.size(); ++i) {
       Track& track = tracks[things[i].id];

@@ -121,6 +121,54 @@ TEST(Tracker, idsStayWhenTheClockJumpsBack) {
       << "memory goes on";
 }
 
+/// Seen about its frame's origin.
+Sighting seenAt(const std::string& name, double x) {
+  Sighting sighting = at(name, x);
+  sighting.middle = sighting.T_world_object.translation();
+  return sighting;
+}
+
+TEST(Tracker, aThingThatLosesItsNameOnTheWayKeepsItsId) {
+  Tracker tracker;
+  ASSERT_EQ(idsOf(tracker.update(0, {seenAt("milk", 0)})), Ids{1});
+  for (int frame = 1; frame < 10; ++frame)
+    EXPECT_EQ(idsOf(tracker.update(0.1 * frame, {seenAt("unknown", 0.05 * frame)})), Ids{2});
+  EXPECT_EQ(idsOf(tracker.update(1, {seenAt("milk", 0.5)})), Ids{1});
+}
+
+TEST(Tracker, aThingThatWasOutOfSightMayHaveMovedFarther) {
+  for (const double x : {0.35, 0.45}) {
+    Tracker tracker;
+    tracker.update(0, {at("milk", 0)});
+    tracker.update(1, {});
+    EXPECT_EQ(idsOf(tracker.update(1.1, {at("milk", x)})), Ids{x < 0.4 ? 1u : 2u}) << x;
+  }
+}
+
+TEST(Tracker, anUnknownThingFarAwayDoesNotCarryAName) {
+  Tracker tracker;
+  tracker.update(0, {seenAt("milk", 0)});
+  for (int frame = 1; frame < 10; ++frame)
+    tracker.update(0.1 * frame, {seenAt("unknown", 0.3 + 0.02 * frame)});
+  EXPECT_EQ(idsOf(tracker.update(1, {seenAt("milk", 0.5)})), Ids{3});
+}
+
+TEST(Tracker, aHandThatPassesDoesNotTakeAThingsIdAway) {
+  Tracker tracker;
+  tracker.update(0, {seenAt("milk", 0)});
+  for (int frame = 1; frame < 10; ++frame)  // over the thing and on
+    tracker.update(0.1 * frame, {seenAt("unknown", 0.08 * frame - 0.1)});
+  EXPECT_EQ(idsOf(tracker.update(1, {seenAt("milk", 0)})), Ids{1});
+}
+
+TEST(Tracker, whatIsNamedCarriesNoOtherName) {
+  Tracker tracker;
+  tracker.update(0, {seenAt("milk", 0)});
+  for (int frame = 1; frame < 10; ++frame)
+    tracker.update(0.1 * frame, {seenAt("can", 0.05 * frame)});
+  EXPECT_EQ(idsOf(tracker.update(1, {seenAt("milk", 0.5)})), Ids{3});
+}
+
 TEST(Tracker, aFrameWithoutThingsHasNoIds) { EXPECT_TRUE(Tracker().update(0, {}).empty()); }
 
 TEST(Tracker, aThingIsConfirmedOnceItWasSeenLongEnough) {
@@ -227,6 +275,28 @@ TEST(Tracker, ofPosesThatLookTheSameTheNearestIsTaken) {
       EXPECT_LT(turnBetween(things[0].T_world_object, first), 0.05) << frame;
       EXPECT_LT(shiftBetween(things[0].T_world_object, first), 0.008) << frame;
     }
+  }
+}
+
+TEST(Tracker, aThingThatMayTurnFreelyDoesNotSpin) {
+  Symmetry can;
+  can.axis = Eigen::Vector3d::UnitZ();
+  can.center = {0.002, 0.001, 0.01};  // its axis passes by the frame's origin
+  Tracker tracker;
+  Noisy noisy(0.0007, 0.008);
+  Noisy axes(0.001, 0.01);  // about which nothing is known: none is quite the true one
+  Eigen::Isometry3d first;
+  for (int frame = 0; frame < 300; ++frame) {
+    Sighting sighting = noisy.of(POSE);
+    sighting.symmetry = can;
+    const Eigen::Isometry3d unsure = axes.of(POSE).T_world_object;
+    const Eigen::Vector3d axis = unsure.linear().col(2);
+    Eigen::Matrix<double, 6, 1> turn;
+    turn << axis.cross(sighting.T_world_object.translation() - unsure * can.center), axis;
+    sighting.covariance = covarianceOf(0.0003, 0.004) + 2.5 * turn * turn.transpose();
+    const auto things = tracker.update(frame / 30.0, {sighting});
+    if (frame == 0) first = things[0].T_world_object;
+    ASSERT_LT(turnBetween(things[0].T_world_object, first), 0.05) << frame;
   }
 }
 

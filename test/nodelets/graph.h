@@ -38,14 +38,18 @@ class Recorder {
   Recorder(ros::NodeHandle& nh, const std::string& topic)
       : subscriber_(nh.subscribe<Message>(topic, 100, [this](const auto& message) {
           by_stamp_[message->header.stamp] = message;
+          received_[message->header.stamp] = ros::Time::now();
         })) {}
 
   bool has(const ros::Time& stamp) const { return by_stamp_.count(stamp) > 0; }
   boost::shared_ptr<const Message> at(const ros::Time& stamp) const { return by_stamp_.at(stamp); }
   const auto& all() const { return by_stamp_; }
+  /// When each of them came here.
+  const std::map<ros::Time, ros::Time>& received() const { return received_; }
 
  private:
   std::map<ros::Time, boost::shared_ptr<const Message>> by_stamp_;
+  std::map<ros::Time, ros::Time> received_;
   ros::Subscriber subscriber_;
 };
 
@@ -81,13 +85,15 @@ class Camera {
   bool connected() const { return publisher_.getNumSubscribers() > 0; }
 
   /// Stamps and sends a message; gives back the stamp.
-  ros::Time send(sensor_msgs::PointCloud2 message) {
-    message.header.stamp = ros::Time::now();
+  ros::Time send(sensor_msgs::PointCloud2 message, const ros::Time& stamp = ros::Time::now()) {
+    message.header.stamp = stamp;
     message.header.frame_id = "camera";
     publisher_.publish(message);
     return message.header.stamp;
   }
-  ros::Time send(const Cloud& cloud) { return send(*messageFromCloud(cloud, std_msgs::Header())); }
+  ros::Time send(const Cloud& cloud, const ros::Time& stamp = ros::Time::now()) {
+    return send(*messageFromCloud(cloud, std_msgs::Header()), stamp);
+  }
 
  private:
   ros::Publisher publisher_;

@@ -6,10 +6,13 @@
 #include <limits>
 #include <set>
 
+#include "tabletop_perception/geometry.h"
+
 namespace tabletop_perception::soak {
 namespace {
 
-constexpr double WRONG = 0.1;  // of the diameter, in MSSD
+constexpr double WRONG = 0.1;                   // of the diameter, in MSSD
+constexpr double FLIP_ANGLE = 30 * M_PI / 180;  // from one frame to the next
 
 /// What is known of an object up to the cloud that is looked at.
 struct History {
@@ -37,11 +40,11 @@ class Judge {
       present.insert(object.name);
       auto& history = histories_[object.name];
       history.last_present = cloud.stamp;
-      if (object.moving) endRest(history);
+      if (object.moving) endRest(object.name, history);
     }
     for (auto& [name, history] : histories_) {
       if (present.count(name)) continue;
-      endRest(history);
+      endRest(name, history);
       history.id.reset();
     }
     if (!cloud.answered) return;
@@ -56,12 +59,14 @@ class Judge {
   }
 
   Verdict verdict() && {
-    for (auto& [name, history] : histories_) endRest(history);
+    for (auto& [name, history] : histories_) endRest(name, history);
+    tools::Deviations all;
+    for (const auto& [name, deviations] : verdict_.rests) append(deviations, all);
     std::sort(latencies_.begin(), latencies_.end());
     verdict_.latency_p50 = quantile(latencies_, 0.5);
     verdict_.latency_p99 = quantile(latencies_, 0.99);
-    verdict_.shift = tools::spreadOf(std::move(deviations_.shifts));
-    verdict_.turn = tools::spreadOf(std::move(deviations_.turns));
+    verdict_.shift = tools::spreadOf(std::move(all.shifts));
+    verdict_.turn = tools::spreadOf(std::move(all.turns));
     return std::move(verdict_);
   }
 
@@ -114,7 +119,13 @@ class Judge {
     if (object != truth.end()) {
       if (object->moving) return;
       if (isRight(*object, frame)) {
-        histories_[frame.name].rest.push_back(frame.T_camera_object);
+        auto& rest = histories_[frame.name].rest;
+        if (!rest.empty() && angleOf(rest.back().linear().transpose() *
+                                     frame.T_camera_object.linear()) > FLIP_ANGLE) {
+          ++verdict_.flips;
+          fault("flip: " + label);
+        }
+        rest.push_back(frame.T_camera_object);
         return;
       }
       ++verdict_.wrong;
@@ -145,15 +156,15 @@ class Judge {
     return measurePose(models_.at(object.name), object.T_camera_object, thing.T_camera_object).mssd;
   }
 
-  void endRest(History& history) {
-    auto deviations = tools::deviationsFromMean(history.rest);
-    const auto append = [](const std::vector<double>& from, std::vector<double>& to) {
-      to.insert(to.end(), from.begin(), from.end());
-    };
-    append(deviations.shifts, deviations_.shifts);
-    append(deviations.turns, deviations_.turns);
+  void endRest(const std::string& name, History& history) {
+    append(tools::deviationsFromMean(history.rest), verdict_.rests[name]);
     history.rest.clear();
     history.had_frame = false;
+  }
+
+  static void append(const tools::Deviations& from, tools::Deviations& to) {
+    to.shifts.insert(to.shifts.end(), from.shifts.begin(), from.shifts.end());
+    to.turns.insert(to.turns.end(), from.turns.begin(), from.turns.end());
   }
 
   void fault(const std::string& what) {
@@ -169,7 +180,6 @@ class Judge {
   double start_ = 0;                     ///< stamp of the first one [s]
   std::map<std::string, History> histories_;
   std::vector<double> latencies_;
-  tools::Deviations deviations_;
   Verdict verdict_;
 };
 

@@ -54,9 +54,12 @@ struct Verdict {
                               ///< of something that was never there
   std::size_t stale = 0;      ///< of what is gone for longer than the time of grace
   std::size_t flickers = 0;   ///< the frame of an object in plain view was there, and then was not
+  std::size_t flips = 0;      ///< right frames of an object at rest, turned by over 30 degrees from
+                              ///< the one before: symmetric poses count
   std::size_t due = 0;        ///< objects at rest in plain view, over all answers
   std::size_t shown = 0;      ///< of them with a right frame
   tools::Spread shift, turn;  ///< right frames of objects at rest, from their means [m, rad]
+  std::map<std::string, tools::Deviations> rests;  ///< the same, by object
 
   std::vector<std::string> faults;  ///< each switch, flicker, wrong and stale frame, in words
 };

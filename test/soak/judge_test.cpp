@@ -124,6 +124,19 @@ TEST_F(SoakJudge, aFrameIsStaleAfterTheTimeOfGrace) {
   EXPECT_EQ(verdict().stale, 3u) << "at 0.6, 0.7 and 0.8 s";
 }
 
+TEST_F(SoakJudge, countsTurnsFromOneSymmetricPoseToAnother) {
+  models_.clear();
+  models_.emplace("house", makeReferenceModel(scene::moved(scene::box(0.1, 0.1, 0.1), 0, 0, -0.05),
+                                              "box 180deg"));
+  auto turned = seenAt(0);
+  turned.T_camera_object.rotate(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitX()));
+  answered({house(0)}, {seenAt(0)});
+  answered({house(0)}, {turned});
+  answered({house(0)}, {turned});
+  EXPECT_EQ(verdict().flips, 1u);
+  EXPECT_EQ(verdict().wrong, 0u);
+}
+
 TEST_F(SoakJudge, countsFramesThatAreLostInPlainView) {
   answered({house(0)}, {seenAt(0)});
   answered({house(0)}, {});

@@ -190,20 +190,26 @@ int run(const Arguments& arguments, const Sequence& sequence, ros::NodeHandle& n
   options.grace = arguments.grace;
   const Verdict verdict = judge(recorder.clouds(), truth, models, options);
   for (const auto& fault : verdict.faults) std::fprintf(stderr, "%s\n", fault.c_str());
+  for (const auto& [name, rest] : verdict.rests)
+    std::fprintf(stderr, "%s at rest: %zu right frames, %.2f mm %.2f deg (p95)\n", name.c_str(),
+                 rest.shifts.size(), 1e3 * tools::spreadOf(rest.shifts).p95,
+                 tools::spreadOf(rest.turns).p95 * 180 / M_PI);
   std::printf(
       "soak %.1f min at %.0f Hz: clouds %zu offered %zu processed %zu dropped; "
       "latency %.0f ms p50 %.0f ms p99; manager %.2f cores, camera and judge %.2f; "
       "memory %.0f MB start %.0f half-time %.0f end; id switches %zu; "
-      "tf frames %zu sent %zu wrong %zu stale %zu lost; "
+      "tf frames %zu sent %zu wrong %zu stale %zu lost %zu flipped; "
       "in plain view %.1f %% with a right frame; at rest %.2f mm %.2f deg (p95)\n",
       arguments.minutes, arguments.rate, verdict.offered, verdict.answered,
       verdict.offered - verdict.answered, 1e3 * verdict.latency_p50, 1e3 * verdict.latency_p99,
       share, own_share, memory_start, memory_half, memory_end, verdict.id_switches, verdict.frames,
-      verdict.wrong, verdict.stale, verdict.flickers,
+      verdict.wrong, verdict.stale, verdict.flickers, verdict.flips,
       verdict.due ? 100.0 * static_cast<double>(verdict.shown) / static_cast<double>(verdict.due)
                   : 0.0,
       1e3 * verdict.shift.p95, verdict.turn.p95 * 180 / M_PI);
-  return verdict.id_switches + verdict.wrong + verdict.stale + verdict.flickers == 0 ? 0 : 1;
+  return verdict.id_switches + verdict.wrong + verdict.stale + verdict.flickers + verdict.flips == 0
+             ? 0
+             : 1;
 }
 
 /// The camera runs and nobody listens; then somebody calls the service.
