@@ -270,7 +270,9 @@ TEST_F(Database, IsFreeForWritersBetweenTheObjectsThatAReaderVisits) {
   std::vector<std::string> visited;
   ObjectDatabase(file_, Mode::READ).visitAll([&](const ObjectModel& model) {
     visited.push_back(model.name);
-    if (model.name == "a") EXPECT_TRUE(writer.remove("b"));
+    if (model.name == "a") {
+      EXPECT_TRUE(writer.remove("b"));
+    }
   });
   EXPECT_EQ(visited, (std::vector<std::string>{"a", "c"}));
 }
