@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -84,9 +85,10 @@ double explainedShare(const ModelIndex& index, int model, const Eigen::Isometry3
 double closenessOf(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
                    const PlanarSurface& points, double tolerance);
 
-/// For each of the points, whether it lies within `tolerance` of the model and faces as it does.
-std::vector<bool> explainedPoints(const ModelIndex& index, int model,
-                                  const Eigen::Isometry3d& T_camera_object,
-                                  const PlanarSurface& points, double tolerance);
+/// For each of the points, whether it lies within `tolerance` of the model and faces as it does: a
+/// bit of a word for each block, the lowest first.
+std::vector<std::uint32_t> explainedPoints(const ModelIndex& index, int model,
+                                           const Eigen::Isometry3d& T_camera_object,
+                                           const PlanarSurface& points, double tolerance);
 
 }  // namespace tabletop_perception

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -60,10 +62,17 @@ class ObjectDatabase {
   /// Every object, sorted by name, all from one state of the file.
   std::vector<ObjectModel> loadAll() const;
 
+  /// Calls visit(object) for every object, sorted by name, with one in memory at a time. Each is
+  /// read when its turn comes, and the file is free in between: one that is taken out meanwhile is
+  /// left out.
+  void visitAll(const std::function<void(ObjectModel)>& visit) const;
+
   /// A number that grows whenever the file's contents were changed, by whatever process.
   long version() const;
 
  private:
+  std::optional<ObjectModel> find(const std::string& name) const;
+
   std::filesystem::path file_;
   std::unique_ptr<SQLite::Database> db_;
 };

@@ -12,6 +12,8 @@
 
 namespace tabletop_perception {
 
+class ObjectDatabase;
+
 /// The objects of a database, made ready for matching and refinement. Never changes once built, so
 /// any number of threads may read it.
 class ModelIndex {
@@ -35,6 +37,9 @@ class ModelIndex {
   ModelIndex() = default;
   /// Throws std::invalid_argument when objects were described with different options.
   explicit ModelIndex(std::vector<ObjectModel> models);
+  /// Of all objects, read one after the other: their views do not fill the memory at the same time.
+  /// Throws as that and as ObjectDatabase::visitAll.
+  explicit ModelIndex(const ObjectDatabase& database);
 
   bool empty() const { return models_.empty(); }
   /// Their views hold the poses alone: descriptors are in the tables, the clouds serve no more.
@@ -57,6 +62,8 @@ class ModelIndex {
   int find(const std::string& name) const;
 
  private:
+  void add(ObjectModel model);
+
   std::vector<ObjectModel> models_;
   std::vector<NearestGrid> grids_;
   std::vector<SparseModel> sparse_;

@@ -33,25 +33,26 @@ class NearestGrid {
 
   /// Index of the surface point nearest to `p`, or -1 farther than the margin from its box.
   int nearest(const Eigen::Vector3f& p) const {
-    const Eigen::Array3i c = ((p - origin_) * inverse_cell_).array().floor().cast<int>();
-    if ((c < 0).any() || (c >= size_).any()) return -1;
+    const Eigen::Array3f at = (p - origin_) * inverse_cell_;
+    if (!((at >= 0).all() && (at < size_.cast<float>()).all())) return -1;  // nor where it is NaN
+    const Eigen::Array3i c = at.cast<int>();
     return indexAt((c.z() * size_.y() + c.y()) * size_.x() + c.x());
   }
 
   /// Moves a block of points into the surface's frame and finds the nearest of each. None farther
-  /// than the root of `max_squared` [m^2], and none where the normals disagree: they differ by more
-  /// than 60 degrees, either way round, for the nearest point of a thin wall may lie on its other
-  /// side.
+  /// than the root of `max_squared` [m^2], and none where the normals disagree: the cosine of their
+  /// angle, either way round, is below `min_normal_dot`. The nearest point of a thin wall may lie
+  /// on its other side.
   void correspond(const PlanarBlock& points, const Eigen::Isometry3f& T_surface_points,
-                  float max_squared, Correspondences& out) const;
+                  float max_squared, Correspondences& out, float min_normal_dot = 0.5f) const;
 
   /// Bytes that it occupies.
   std::size_t memory() const;
 
  private:
-  /// A point and its normal, side by side in one cache line.
+  /// A point and its normal, side by side in one cache line: two registers of four.
   struct alignas(32) Facet {
-    float x, y, z, nx, ny, nz;
+    float x, y, z, nx, ny, nz, unused[2];
   };
 
   int indexAt(std::size_t cell) const {

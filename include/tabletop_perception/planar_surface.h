@@ -21,8 +21,11 @@ struct PlanarSurface {
   PlanarSurface() = default;
   PlanarSurface(const Surface& surface);  // NOLINT(google-explicit-constructor): only a layout
 
+  /// Adds the points of another, block by block.
+  void append(const PlanarSurface& other);
+
   std::vector<PlanarBlock> blocks;
-  std::size_t size = 0;  ///< of the surface, without what fills the last block up
+  std::size_t size = 0;  ///< of the surface, without what fills blocks up
 };
 
 }  // namespace tabletop_perception

@@ -45,10 +45,12 @@ struct Verification {
 
 /// Holds a pose against the scene and the table. `parts`: sampled points of the clusters that may
 /// show the object, by smooth parts, in the camera's frame. Parts that the model hardly touches
-/// belong to something else and do not count. `model`: index into those of `index`.
+/// belong to something else and do not count. Colours are compared where the shape alone does not
+/// refuse the pose. `model`: index into those of `index`.
 Verification verifyPose(const ModelIndex& index, int model,
-                        const Eigen::Isometry3d& T_camera_object, const std::vector<Surface>& parts,
-                        const Observation& observation, const VerifyOptions& options);
+                        const Eigen::Isometry3d& T_camera_object,
+                        const std::vector<PlanarSurface>& parts, const Observation& observation,
+                        const VerifyOptions& options);
 
 /// What speaks for and against an object of a scene.
 struct Evidence {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 #include "simd.h"
@@ -13,6 +14,7 @@ namespace {
 
 constexpr int SIZE = PlanarBlock::SIZE;
 constexpr float NONE = std::numeric_limits<float>::quiet_NaN();
+constexpr float MOST = std::numeric_limits<float>::max();  // more, infinite, is no correspondence
 constexpr float MIN_FACING = 0.3f;  // cosine to the line of sight; flatter surfaces count as this
 constexpr double HALF_LIKENESS = 0.1;  // of colours that halve an agreement, about
 constexpr double DEPTH_SLACK = 1.5;    // of what is seen at an angle, in tolerances
@@ -37,7 +39,20 @@ double colorFactor(double likeness) {
   return likeness * (1 + HALF_LIKENESS) / (likeness + HALF_LIKENESS);
 }
 
-bool isOne(const Correspondences& block, int i) { return std::isfinite(block.squared[i]); }
+/// A bit for each correspondence that there is.
+TABLETOP_SIMD_CLONES std::uint32_t bitsOf(const Correspondences& block) {
+  static_assert(SIZE == 32);
+  std::uint32_t bits = 0;
+  for (int i = 0; i < SIZE; ++i) bits |= static_cast<std::uint32_t>(block.squared[i] <= MOST) << i;
+  return bits;
+}
+
+/// Adds the squared distances of those that there are, eight sums side by side.
+TABLETOP_SIMD_CLONES void addSquared(const Correspondences& block, float* lanes) {
+  for (int i = 0; i < SIZE; i += 8)
+    for (int lane = 0; lane < 8; ++lane)
+      lanes[lane] += zeroUnless(block.squared[i + lane] <= MOST, block.squared[i + lane]);
+}
 
 /// A pose and a camera as the kernel needs them.
 struct Sight {
@@ -238,15 +253,13 @@ Agreement agreementOf(const ModelIndex& index, int model, const Eigen::Isometry3
                       double tolerance) {
   Agreement agreement;
   int explained = 0;
-  double sum = 0;
+  alignas(32) float lanes[8] = {};
   visitCorrespondences(index, model, T_camera_object, points, tolerance,
                        [&](const Correspondences& block) {
-                         for (int i = 0; i < SIZE; ++i) {
-                           if (!isOne(block, i)) continue;
-                           ++explained;
-                           sum += block.squared[i];
-                         }
+                         explained += __builtin_popcount(bitsOf(block));
+                         addSquared(block, lanes);
                        });
+  const double sum = std::accumulate(lanes, lanes + 8, 0.0);
   if (explained > 0) {
     agreement.explained = static_cast<double>(explained) / static_cast<double>(points.size);
     agreement.fitness = std::sqrt(sum / explained);
@@ -258,10 +271,9 @@ Agreement agreementOf(const ModelIndex& index, int model, const Eigen::Isometry3
 double explainedShare(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
                       const PlanarSurface& points, double tolerance) {
   int explained = 0;
-  visitCorrespondences(index, model, T_camera_object, points, tolerance,
-                       [&](const Correspondences& block) {
-                         for (int i = 0; i < SIZE; ++i) explained += isOne(block, i);
-                       });
+  visitCorrespondences(
+      index, model, T_camera_object, points, tolerance,
+      [&](const Correspondences& block) { explained += __builtin_popcount(bitsOf(block)); });
   return explained / std::max<double>(1, static_cast<double>(points.size));
 }
 
@@ -272,21 +284,17 @@ double closenessOf(const ModelIndex& index, int model, const Eigen::Isometry3d& 
   visitCorrespondences(
       index, model, T_camera_object, points, tolerance,
       [&](const Correspondences& block) { addCloseness(block, inverse_limit, lanes); });
-  double sum = 0;
-  for (const float lane : lanes) sum += lane;
-  return sum / std::max<double>(1, static_cast<double>(points.size));
+  return std::accumulate(lanes, lanes + 8, 0.0) /
+         std::max<double>(1, static_cast<double>(points.size));
 }
 
-std::vector<bool> explainedPoints(const ModelIndex& index, int model,
-                                  const Eigen::Isometry3d& T_camera_object,
-                                  const PlanarSurface& points, double tolerance) {
-  std::vector<bool> explained;
-  explained.reserve(points.blocks.size() * SIZE);
+std::vector<std::uint32_t> explainedPoints(const ModelIndex& index, int model,
+                                           const Eigen::Isometry3d& T_camera_object,
+                                           const PlanarSurface& points, double tolerance) {
+  std::vector<std::uint32_t> explained;
+  explained.reserve(points.blocks.size());
   visitCorrespondences(index, model, T_camera_object, points, tolerance,
-                       [&](const Correspondences& block) {
-                         for (int i = 0; i < SIZE; ++i) explained.push_back(isOne(block, i));
-                       });
-  explained.resize(points.size);
+                       [&](const Correspondences& block) { explained.push_back(bitsOf(block)); });
   return explained;
 }
 

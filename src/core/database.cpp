@@ -466,13 +466,6 @@ ObjectModel loadRow(const fs::path& file, SQLite::Database& db, SQLite::Statemen
   }
 }
 
-std::vector<ObjectModel> loadRows(const fs::path& file, SQLite::Database& db,
-                                  SQLite::Statement& objects) {
-  std::vector<ObjectModel> models;
-  while (objects.executeStep()) models.push_back(loadRow(file, db, objects));
-  return models;
-}
-
 }  // namespace
 
 ObjectDatabase::ObjectDatabase(const fs::path& file, Mode mode)
@@ -548,21 +541,33 @@ bool ObjectDatabase::removeGrasp(const std::string& object, const std::string& g
 }
 
 ObjectModel ObjectDatabase::load(const std::string& name) const {
-  auto models = reading(file_, [&] {
-    const SQLite::Transaction transaction(*db_);
-    SQLite::Statement select(*db_, "SELECT * FROM object WHERE name = ?");
-    select.bind(1, name);
-    return loadRows(file_, *db_, select);
-  });
-  if (models.empty()) fail(file_, "holds no object '" + name + "'");
-  return std::move(models.front());
+  auto model = find(name);
+  if (!model) fail(file_, "holds no object '" + name + "'");
+  return std::move(*model);
 }
 
 std::vector<ObjectModel> ObjectDatabase::loadAll() const {
   return reading(file_, [&] {
     const SQLite::Transaction transaction(*db_);
     SQLite::Statement select(*db_, "SELECT * FROM object ORDER BY name");
-    return loadRows(file_, *db_, select);
+    std::vector<ObjectModel> models;
+    while (select.executeStep()) models.push_back(loadRow(file_, *db_, select));
+    return models;
+  });
+}
+
+void ObjectDatabase::visitAll(const std::function<void(ObjectModel)>& visit) const {
+  for (const auto& name : names())
+    if (auto model = find(name)) visit(std::move(*model));
+}
+
+std::optional<ObjectModel> ObjectDatabase::find(const std::string& name) const {
+  return reading(file_, [&]() -> std::optional<ObjectModel> {
+    const SQLite::Transaction transaction(*db_);
+    SQLite::Statement select(*db_, "SELECT * FROM object WHERE name = ?");
+    select.bind(1, name);
+    if (!select.executeStep()) return std::nullopt;
+    return loadRow(file_, *db_, select);
   });
 }
 

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <limits>
 
+#include "free_turn.h"
+#include "lift.h"
 #include "marks.h"
 #include "near_model.h"
 #include "polish_pose.h"
+#include "refusals.h"
+#include "scene_samples.h"
 #include "settle_turn.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/symmetry.h"
@@ -24,33 +26,19 @@ constexpr double TWIN_TURN = 0.02;               // [rad]
 constexpr double MIN_OWN_SHARE = 0.7;  // of an object's points that no other object explains
 constexpr double RIVAL_OVERLAP = 0.5;  // share of an object's points that a rival explains as well
 constexpr double MIN_SHARE_OF_CLUSTER = 0.3;  // that an object explains if the cluster shows it
-constexpr double TAKEN_SHARE = 0.5;    // of a cluster that objects explain: it is no unknown thing
-constexpr double UNDERSIDE = 0.03;     // of a thing, about its lowest point [m]
-constexpr double CARRIER_NEAR = 0.01;  // what carries a thing lies no farther beside it [m]
-constexpr int MIN_CARRIER_POINTS = 10;
-constexpr float SEEN_PAST = 0.02f;       // farther behind a point the camera has seen past it [m]
-constexpr double MIN_LEFT_SHARE = 0.15;  // of a cluster that is worth another look
-constexpr double FOLLOWED_SHIFT = 0.01;  // farthest that a thing at rest seems to move [m]
-constexpr double FOLLOWED_TURN = 0.1;    // [rad]
-constexpr double AS_GOOD = 0.9;          // agreement of what is followed, of what it was decided by
-constexpr double MIN_MET_SHARE =
-    0.2;  // of a part that an expected object explains if it may show it
+constexpr double TAKEN_SHARE = 0.5;     // of a cluster that objects explain: it is no unknown thing
+constexpr double SETTLED_LIFT = 0.008;  // by which settling may raise or lower a thing [m]
+constexpr double SETTLED_COLOR_GAIN = 1.25;  // by which it may make colours more alike
+constexpr double MIN_LEFT_SHARE = 0.15;      // of a cluster that is worth another look
+constexpr double FOLLOWED_SHIFT = 0.01;      // farthest that a thing at rest seems to move [m]
+constexpr double FOLLOWED_TURN = 0.1;        // [rad]
+constexpr double AS_GOOD = 0.9;        // agreement of what is followed, of what it was decided by
+constexpr double MIN_MET_SHARE = 0.2;  // of a part that an expected object may show
 
-/// The sampled points of all clusters.
-struct Standing {
-  std::vector<Surface> parts;         ///< smooth parts of the clusters, one after the other
+/// The parts of some clusters, or what is left of them.
+struct Parts {
+  std::vector<Surface> surfaces;
   std::vector<PlanarSurface> planar;  ///< the same, for kernels
-  std::vector<int> cluster_of_part;   ///< index of the cluster
-
-  Standing(const Cloud& scene, const std::vector<Indices>& clusters,
-           const DescriptorOptions& options) {
-    for (std::size_t k = 0; k < clusters.size(); ++k)
-      for (auto& part : smoothParts(sampleCluster(scene, clusters[k], options), options)) {
-        planar.emplace_back(part);
-        parts.push_back(std::move(part));
-        cluster_of_part.push_back(static_cast<int>(k));
-      }
-  }
 };
 
 void append(const Surface& from, std::size_t i, Surface& to) {
@@ -63,23 +51,6 @@ Eigen::Vector3f middleOf(const std::vector<Surface>& parts) {
   for (const auto& part : parts)
     points.insert(points.end(), part.points.begin(), part.points.end());
   return centroidOf(points);
-}
-
-/// Whether the camera looked past most of some points, of those that nothing nearer hides from it:
-/// nothing is there.
-bool isSeenThrough(const Observation& observation, const std::vector<Eigen::Vector3f>& points) {
-  if (!observation.projection || !observation.sightings) return false;
-  const auto& camera = *observation.projection;
-  int past = 0, there = 0;
-  for (const auto& p : points) {
-    const Eigen::Vector2d pixel = camera.pixel(p.cast<double>());
-    const auto u = std::lround(pixel.x()), v = std::lround(pixel.y());
-    if (u < 0 || v < 0 || u >= camera.width || v >= camera.height) continue;
-    const float range = (*observation.sightings)[v * camera.width + u].range;
-    past += range > p.norm() + SEEN_PAST;
-    there += std::abs(range - p.norm()) <= SEEN_PAST;
-  }
-  return past > there;
 }
 
 /// A candidate after ICP, and what the camera says about it.
@@ -112,8 +83,8 @@ class Decision {
         refine_(refine),
         verify_(verify),
         observations_(scene, tables),
-        standing_(scene, clusters, index.descriptorOptions()),
-        taken_(standing_.parts),
+        samples_(scene, clusters, index.descriptorOptions()),
+        taken_(samples_.parts),
         reasons_(clusters.size()) {}
 
   /// Keeps what is expected and still there.
@@ -137,10 +108,12 @@ class Decision {
     const bool alone = proposal.labels.size() == 1;
     if (alone) reason = proposal.candidates.reason;
     if (!proposal.candidates) return;
-    std::vector<Surface> parts;
-    for (std::size_t p = 0; p < standing_.parts.size(); ++p)
-      if (isMember(standing_.cluster_of_part[p], proposal.labels))
-        parts.push_back(standing_.parts[p]);
+    Parts parts;
+    for (std::size_t p = 0; p < samples_.parts.size(); ++p) {
+      if (!isMember(samples_.cluster_of_part[p], proposal.labels)) continue;
+      parts.surfaces.push_back(samples_.parts[p]);
+      parts.planar.push_back(samples_.planar[p]);
+    }
     const std::string refusal = judgeCandidates(*proposal.candidates, parts);
     if (alone && reason.empty()) reason = refusal;
   }
@@ -153,16 +126,23 @@ class Decision {
       if (!hypothesis.stands()) continue;
       const int shared = commonOf(hypothesis.explained, taken_);
       if (shared > (1 - MIN_OWN_SHARE) * hypothesis.points) continue;
+      const double most = mostOf(hypothesis);
+      if (most < verify_.min_score) {
+        noteRefusal(hypothesis, refusals::scoreAtMost(nameOf(hypothesis), most, verify_.min_score));
+        continue;
+      }
       Hypothesis settled = hypothesis;
       settle(settled);
       const double score = probabilityOf(evidenceOf(settled));
       const bool likely = score >= verify_.min_score;
       if (!likely && score < verify_.min_score * settled.turn) {
-        noteRefusal(hypothesis, scoreRefusal(settled, score));
+        noteRefusal(hypothesis, refusals::score(nameOf(settled), score, verify_.min_score));
         continue;
       }
       // Whichever way it is turned, it is there: nothing else is made of its points.
-      const std::string refusal = likely ? marginRefusal(hypothesis) : turnRefusal(settled, score);
+      const std::string refusal =
+          likely ? marginRefusal(hypothesis)
+                 : refusals::turn(nameOf(settled), settled.turn, score, verify_.min_score);
       taken_.mark(hypothesis.explained);
       if (refusal.empty()) {
         objects_.push_back(knownObject(polished(settled)));
@@ -184,8 +164,25 @@ class Decision {
             hypothesis.turn};
   }
 
-  /// Turns a nearly symmetric object the way that fits best.
+  /// The score that a hypothesis may have at most once it is settled, which takes much longer.
+  double mostOf(const Hypothesis& hypothesis) const {
+    Evidence best{hypothesis.verification.agreement, 0, 0, 1, 0, 1};
+    const double leaf = index_.descriptorOptions().leaf;
+    best.area = hypothesis.points * leaf * leaf;
+    auto& color = best.agreement.color;
+    if (color) color = *color * SETTLED_COLOR_GAIN;
+    if (probabilityOf(best) < verify_.min_score) return probabilityOf(best);
+    best.lift = std::max(0.0, std::abs(liftOf(hypothesis)) - SETTLED_LIFT);
+    return probabilityOf(best);
+  }
+
+  /// Turns an object the way that fits best, where its points leave the turn free or it is nearly
+  /// symmetric.
   void settle(Hypothesis& hypothesis) const {
+    const Surface around = samplesAround(hypothesis);
+    hypothesis.T_camera_object =
+        bestFreeTurn(index_, hypothesis.model, hypothesis.T_camera_object, around,
+                     observations_.about(centroidOf(around.points)), verify_.tolerance, refine_);
     const auto settled =
         settleTurn(index_, hypothesis.model, hypothesis.T_camera_object,
                    pointsOfClusters(hypothesis), coloredOf(hypothesis), tables_, refine_);
@@ -209,17 +206,19 @@ class Decision {
   void judgeRest(const std::vector<Proposal>& proposals) {
     for (const auto& proposal : proposals) {
       if (!isWorthAnotherLook(proposal.labels)) continue;
-      std::vector<Surface> parts;
+      Parts parts;
       Surface all;
-      for (std::size_t p = 0; p < standing_.parts.size(); ++p) {
-        if (!isMember(standing_.cluster_of_part[p], proposal.labels)) continue;
+      for (std::size_t p = 0; p < samples_.parts.size(); ++p) {
+        if (!isMember(samples_.cluster_of_part[p], proposal.labels)) continue;
         Surface rest;
-        for (std::size_t i = 0; i < standing_.parts[p].size(); ++i) {
+        for (std::size_t i = 0; i < samples_.parts[p].size(); ++i) {
           if (taken_.at(p, i)) continue;
-          append(standing_.parts[p], i, rest);
-          append(standing_.parts[p], i, all);
+          append(samples_.parts[p], i, rest);
+          append(samples_.parts[p], i, all);
         }
-        if (!rest.empty()) parts.push_back(std::move(rest));
+        if (rest.empty()) continue;
+        parts.planar.emplace_back(rest);
+        parts.surfaces.push_back(std::move(rest));
       }
       const auto candidates =
           matchCluster(all, observations_.about(centroidOf(all.points)), index_, match_);
@@ -249,9 +248,8 @@ class Decision {
   }
 
   /// Adds a hypothesis for each candidate that ICP holds on to; why the best one is refused.
-  std::string judgeCandidates(const std::vector<Candidate>& candidates,
-                              const std::vector<Surface>& parts) {
-    const Observation& observation = observations_.about(middleOf(parts));
+  std::string judgeCandidates(const std::vector<Candidate>& candidates, const Parts& parts) {
+    const Observation& observation = observations_.about(middleOf(parts.surfaces));
     std::string reason;
     double best_score = -1;
     for (const auto& candidate : candidates) {
@@ -269,15 +267,16 @@ class Decision {
       }
       const Eigen::Isometry3d T_camera_object =
           canonicalPose(index_.models()[model].symmetry, alignment->T_camera_object, reference());
-      Hypothesis hypothesis{model,
-                            T_camera_object,
-                            verifyPose(index_, model, T_camera_object, parts, observation, verify_),
-                            Marks(standing_.parts),
-                            0,
-                            0,
-                            1,
-                            {},
-                            1};
+      Hypothesis hypothesis{
+          model,
+          T_camera_object,
+          verifyPose(index_, model, T_camera_object, parts.planar, observation, verify_),
+          Marks(samples_.parts),
+          0,
+          0,
+          1,
+          {},
+          1};
       if (hypothesis.verification.score > best_score) {
         best_score = hypothesis.verification.score;
         reason = hypothesis.stands() ? "" : candidate.name + ": " + hypothesis.verification.reason;
@@ -300,7 +299,7 @@ class Decision {
     const int model = index_.find(expected.name);
     if (model < 0) return std::nullopt;
     const auto parts = partsAbout(model, expected.T_camera_object);
-    if (parts.empty()) return std::nullopt;
+    if (parts.surfaces.empty()) return std::nullopt;
     const auto alignment = refinePose(sourceFor(model, expected.T_camera_object, parts),
                                       index_.grid(model), expected.T_camera_object, refine_);
     if (!alignment || !samePose(Symmetry(), expected.T_camera_object, alignment->T_camera_object,
@@ -309,9 +308,9 @@ class Decision {
     const Evidence& before = expected.evidence;
     Hypothesis hypothesis{model,
                           alignment->T_camera_object,
-                          verifyPose(index_, model, alignment->T_camera_object, parts,
-                                     observations_.about(middleOf(parts)), verify_),
-                          Marks(standing_.parts),
+                          verifyPose(index_, model, alignment->T_camera_object, parts.planar,
+                                     observations_.about(middleOf(parts.surfaces)), verify_),
+                          Marks(samples_.parts),
                           0,
                           before.rms,
                           before.turn,
@@ -328,23 +327,25 @@ class Decision {
   }
 
   /// The parts of all clusters that may show a model at a pose.
-  std::vector<Surface> partsAbout(int model, const Eigen::Isometry3d& T_camera_object) const {
+  Parts partsAbout(int model, const Eigen::Isometry3d& T_camera_object) const {
     std::vector<bool> met(clusters_.size(), false);
-    for (std::size_t p = 0; p < standing_.parts.size(); ++p)
-      if (explainedShare(index_, model, T_camera_object, standing_.planar[p], REACH) >
-          MIN_MET_SHARE)
-        met[standing_.cluster_of_part[p]] = true;
-    std::vector<Surface> parts;
-    for (std::size_t p = 0; p < standing_.parts.size(); ++p)
-      if (met[standing_.cluster_of_part[p]]) parts.push_back(standing_.parts[p]);
+    for (std::size_t p = 0; p < samples_.parts.size(); ++p)
+      if (explainedShare(index_, model, T_camera_object, samples_.planar[p], REACH) > MIN_MET_SHARE)
+        met[samples_.cluster_of_part[p]] = true;
+    Parts parts;
+    for (std::size_t p = 0; p < samples_.parts.size(); ++p) {
+      if (!met[samples_.cluster_of_part[p]]) continue;
+      parts.surfaces.push_back(samples_.parts[p]);
+      parts.planar.push_back(samples_.planar[p]);
+    }
     return parts;
   }
 
   void markExplained(Hypothesis& hypothesis) const {
-    for (std::size_t p = 0; p < standing_.parts.size(); ++p)
+    for (std::size_t p = 0; p < samples_.parts.size(); ++p)
       hypothesis.explained.mark(
           p, explainedPoints(index_, hypothesis.model, hypothesis.T_camera_object,
-                             standing_.planar[p], verify_.tolerance));
+                             samples_.planar[p], verify_.tolerance));
     hypothesis.points = hypothesis.explained.count();
   }
 
@@ -359,13 +360,13 @@ class Decision {
   }
 
   /// The points near a model, which ICP is to lay it on.
-  Surface sourceFor(int model, const Eigen::Isometry3d& T_camera_object,
-                    const std::vector<Surface>& parts) const {
+  Surface sourceFor(int model, const Eigen::Isometry3d& T_camera_object, const Parts& parts) const {
     Surface near;
-    for (const auto& part : parts) {
-      const auto within = explainedPoints(index_, model, T_camera_object, part, REACH);
-      for (std::size_t i = 0; i < part.size(); ++i)
-        if (within[i]) append(part, i, near);
+    for (std::size_t p = 0; p < parts.planar.size(); ++p) {
+      const auto within = explainedPoints(index_, model, T_camera_object, parts.planar[p], REACH);
+      for (std::size_t i = 0; i < parts.surfaces[p].size(); ++i)
+        if (within[i / PlanarBlock::SIZE] >> i % PlanarBlock::SIZE & 1)
+          append(parts.surfaces[p], i, near);
     }
     return thinned(near, MAX_SOURCE_POINTS);
   }
@@ -379,30 +380,44 @@ class Decision {
     return points;
   }
 
+  /// The samples near a model, whichever way they face, of all clusters in which it explains any.
+  Surface samplesAround(const Hypothesis& hypothesis) const {
+    const auto& grid = index_.grid(hypothesis.model);
+    const auto& surface = index_.models()[hypothesis.model].surface;
+    const Eigen::Isometry3f T_object_camera = hypothesis.T_camera_object.inverse().cast<float>();
+    Surface around;
+    for (std::size_t p = 0; p < samples_.parts.size(); ++p) {
+      const auto cluster = static_cast<std::size_t>(samples_.cluster_of_part[p]);
+      if (shareOfCluster(hypothesis.explained, cluster) == 0) continue;
+      for (std::size_t i = 0; i < samples_.parts[p].size(); ++i) {
+        const Eigen::Vector3f q = T_object_camera * samples_.parts[p].points[i];
+        const int nearest = grid.nearest(q);
+        if (nearest >= 0 && (surface.points[nearest] - q).norm() <= REACH)
+          append(samples_.parts[p], i, around);
+      }
+    }
+    return around;
+  }
+
   /// Some of the points that a hypothesis explains, with their colours where these are to count.
   ColoredPoints coloredOf(const Hypothesis& hypothesis) const {
     if (!verify_.color || index_.colors(hypothesis.model).empty()) return {};
     std::vector<Eigen::Vector3f> points;
-    for (std::size_t p = 0; p < standing_.parts.size(); ++p)
-      for (std::size_t i = 0; i < standing_.parts[p].size(); ++i)
-        if (hypothesis.explained.at(p, i)) points.push_back(standing_.parts[p].points[i]);
+    for (std::size_t p = 0; p < samples_.parts.size(); ++p)
+      for (std::size_t i = 0; i < samples_.parts[p].size(); ++i)
+        if (hypothesis.explained.at(p, i)) points.push_back(samples_.parts[p].points[i]);
     if (points.empty()) return {};
     return coloredPoints(observations_.about(centroidOf(points)), points, MAX_COLORED_POINTS);
   }
 
-  std::string scoreRefusal(const Hypothesis& hypothesis, double score) const {
-    char text[200];
-    std::snprintf(text, sizeof text, "%s: score %.2f, limit %.2f",
-                  index_.models()[hypothesis.model].name.c_str(), score, verify_.min_score);
-    return text;
+  const std::string& nameOf(const Hypothesis& hypothesis) const {
+    return index_.models()[hypothesis.model].name;
   }
 
-  std::string turnRefusal(const Hypothesis& hypothesis, double score) const {
-    char text[200];
-    std::snprintf(text, sizeof text, "%s: may be turned over (%.2f sure), score %.2f, limit %.2f",
-                  index_.models()[hypothesis.model].name.c_str(), hypothesis.turn, score,
-                  verify_.min_score);
-    return text;
+  double liftOf(const Hypothesis& hypothesis) const {
+    return tabletop_perception::liftOf(index_, hypothesis.model, hypothesis.T_camera_object,
+                                       samples_.parts, hypothesis.explained, tables_,
+                                       &observations_);
   }
 
   void noteRefusal(const Hypothesis& hypothesis, const std::string& refusal) {
@@ -435,68 +450,19 @@ class Decision {
     return rival;
   }
 
-  /// Height of a thing's lowest point above the table, 0 where something else carries it [m].
-  double liftOf(const Hypothesis& hypothesis) const {
-    if (tables_.empty()) return 0;
-    const Eigen::Isometry3f T = hypothesis.T_camera_object.cast<float>();
-    std::vector<Eigen::Vector3f> surface;
-    for (const auto& p : index_.sparse(hypothesis.model).surface.points) surface.push_back(T * p);
-    const Table& table = tables_[tableUnder(tables_, centroidOf(surface))];
-    double lowest = std::numeric_limits<double>::infinity();
-    for (const auto& p : index_.models()[hypothesis.model].surface.points)
-      lowest = std::min(lowest, heightAbove(table, T * p));
-    return isCarried(hypothesis, surface, table, lowest) ? 0 : lowest;
-  }
-
-  /// Whether points that a thing does not explain lie right under it, and not all that there is
-  /// under these is air.
-  bool isCarried(const Hypothesis& hypothesis, const std::vector<Eigen::Vector3f>& surface,
-                 const Table& table, double lowest) const {
-    if (lowest < UNDERSIDE) return false;
-    const Eigen::Vector3f up = table.plane.head<3>().cast<float>();
-    std::vector<Eigen::Vector3f> foot, below;  // `below`: half-way down to the table
-    Eigen::AlignedBox3f about;                 // what carries it lies in there
-    for (const auto& p : surface) {
-      if (heightAbove(table, p) >= lowest + UNDERSIDE) continue;
-      foot.push_back(p);
-      below.push_back(p - static_cast<float>(heightAbove(table, p) / 2) * up);
-      about.extend(p);
-    }
-    if (foot.empty() || isSeenThrough(observations_.about(centroidOf(foot)), below)) return false;
-    const auto reach = Eigen::Vector3f::Constant(CARRIER_NEAR + 2 * UNDERSIDE);
-    about = Eigen::AlignedBox3f(about.min() - reach, about.max() + reach);
-    const auto isUnder = [&](const Eigen::Vector3f& p) {
-      const double height = heightAbove(table, p) - lowest;
-      if (height > CARRIER_NEAR / 2 || height < -UNDERSIDE || !about.contains(p)) return false;
-      return std::any_of(foot.begin(), foot.end(), [&](const Eigen::Vector3f& q) {
-        return up.cross(p - q).norm() < CARRIER_NEAR;
-      });
-    };
-    int under = 0;
-    for (std::size_t k = 0; k < standing_.parts.size(); ++k)
-      for (std::size_t i = 0; i < standing_.parts[k].size(); ++i) {
-        under += !hypothesis.explained.at(k, i) && isUnder(standing_.parts[k].points[i]);
-        if (under == MIN_CARRIER_POINTS) return true;
-      }
-    return false;
-  }
-
   std::string marginRefusal(const Hypothesis& best) const {
     const Rival rival = rivalOf(best);
     if (rival.margin >= verify_.min_margin) return "";
-    char text[200];
-    std::snprintf(text, sizeof text, "%s: margin %.2f over %s, limit %.2f",
-                  index_.models()[best.model].name.c_str(), rival.margin,
-                  index_.models()[rival.hypothesis->model].name.c_str(), verify_.min_margin);
-    return text;
+    return refusals::margin(nameOf(best), rival.margin, nameOf(*rival.hypothesis),
+                            verify_.min_margin);
   }
 
   double shareOfCluster(const Marks& marks, std::size_t cluster) const {
     double marked = 0, all = 0;
-    for (std::size_t p = 0; p < standing_.parts.size(); ++p) {
-      if (standing_.cluster_of_part[p] != static_cast<int>(cluster)) continue;
+    for (std::size_t p = 0; p < samples_.parts.size(); ++p) {
+      if (samples_.cluster_of_part[p] != static_cast<int>(cluster)) continue;
       marked += marks.count(p);
-      all += static_cast<double>(standing_.parts[p].size());
+      all += static_cast<double>(samples_.parts[p].size());
     }
     return all > 0 ? marked / all : 0;
   }
@@ -513,7 +479,7 @@ class Decision {
 
   SceneObject knownObject(const Hypothesis& hypothesis) const {
     SceneObject object;
-    object.name = index_.models()[hypothesis.model].name;
+    object.name = nameOf(hypothesis);
     object.T_camera_object = hypothesis.T_camera_object;
     object.uncertainty = hypothesis.uncertainty;
     object.fitness = hypothesis.verification.agreement.fitness;
@@ -574,7 +540,7 @@ class Decision {
   const RefineOptions& refine_;
   const VerifyOptions& verify_;
   Observations observations_;
-  Standing standing_;
+  SceneSamples samples_;
   std::vector<Hypothesis> hypotheses_;
   Marks taken_;                       ///< points of objects, known or undecided
   std::vector<Marks> undecided_;      ///< points of things with too little margin

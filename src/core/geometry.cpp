@@ -8,12 +8,11 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
-#include <unordered_map>
 
 #include <Eigen/Eigenvalues>
 #include <opencv2/imgproc.hpp>
 
-#include "voxel_key.h"
+#include "voxel_numbers.h"
 
 namespace tabletop_perception {
 
@@ -92,19 +91,18 @@ Surface downsampled(const Surface& surface, double leaf) {
     throw std::invalid_argument("leaf must be positive, got " + std::to_string(leaf));
   Surface out;
   std::vector<int> counts;
-  std::unordered_map<FacetKey, int, FacetKeyHash> voxels;
+  Numbering<FacetKey, FacetKeyHash> voxels;
   for (std::size_t i = 0; i < surface.size(); ++i) {
     const auto& p = surface.points[i];
-    const auto [it, fresh] = voxels.try_emplace(FacetKey::of(p, surface.normals[i], 1.0 / leaf),
-                                                static_cast<int>(counts.size()));
-    if (fresh) {
+    const int voxel = voxels.numberOf(FacetKey::of(p, surface.normals[i], 1.0 / leaf));
+    if (voxel == static_cast<int>(counts.size())) {
       out.points.emplace_back(Eigen::Vector3f::Zero());
       out.normals.emplace_back(Eigen::Vector3f::Zero());
       counts.push_back(0);
     }
-    out.points[it->second] += p;
-    out.normals[it->second] += surface.normals[i];
-    ++counts[it->second];
+    out.points[voxel] += p;
+    out.normals[voxel] += surface.normals[i];
+    ++counts[voxel];
   }
   for (std::size_t i = 0; i < counts.size(); ++i) {
     out.points[i] /= static_cast<float>(counts[i]);

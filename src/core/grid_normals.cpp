@@ -7,16 +7,13 @@
 #include <limits>
 #include <utility>
 
+#include "plane_of_moments.h"
 #include "simd.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr int LANES = 32;           // pixels that the kernel takes at once: loops over fewer are
-                                    // unrolled before the compiler thinks of vectorising them
-constexpr int MIN_NEIGHBORS = 4;    // three points always lie on a plane, whatever they are
-constexpr float MIN_WIDTH = 1e-3f;  // second over first eigenvalue; less is a line
-constexpr int NEWTON_STEPS = 8;
+constexpr int LANES = LaneMoments::LANES;  // pixels that are taken at once
 constexpr float NONE = std::numeric_limits<float>::quiet_NaN();
 
 /// Every step-th pixel of a cloud with a border of pixels without a point, so that windows need no
@@ -53,95 +50,53 @@ struct PaddedGrid {
   }
 };
 
-/// Normals and curvatures of LANES pixels in a row, from the pixel at `first`.
-struct NormalBlock {
-  float x[LANES], y[LANES], z[LANES], curvature[LANES];
-};
-
-/// The covariance of each pixel's window is taken relative to the pixel, which keeps single
-/// precision exact enough. Its smallest eigenvalue is the limit of Newton's method on the
-/// characteristic polynomial from zero, which approaches it from below; the eigenvector is the
-/// longest cross product of two rows of what is left of the matrix.
+/// The sums over the windows of LANES pixels in a row, coordinates relative to the pixel, which
+/// keeps single precision exact enough. A few pixels at a time: their ten sums stay in registers.
 TABLETOP_SIMD_CLONES
-void normalsOfBlock(const float* x, const float* y, const float* z, const float* range,
-                    std::ptrdiff_t width, int half, float max_change, NormalBlock* out) {
-  float n[LANES] = {}, sx[LANES] = {}, sy[LANES] = {}, sz[LANES] = {}, xx[LANES] = {},
-        xy[LANES] = {}, xz[LANES] = {}, yy[LANES] = {}, yz[LANES] = {}, zz[LANES] = {};
-  for (int v = -half; v <= half; ++v)
-    for (int u = -half; u <= half; ++u) {
-      const std::ptrdiff_t offset = v * width + u;
-      for (int l = 0; l < LANES; ++l) {
-        const std::ptrdiff_t j = offset + l;
-        const bool near = std::abs(range[j] - range[l]) <= max_change * range[l];  // not for NaN
-        const float dx = zeroUnless(near, x[j] - x[l]), dy = zeroUnless(near, y[j] - y[l]),
-                    dz = zeroUnless(near, z[j] - z[l]);
-        n[l] += zeroUnless(near, 1.0f);
-        sx[l] += dx;
-        sy[l] += dy;
-        sz[l] += dz;
-        xx[l] += dx * dx;
-        xy[l] += dx * dy;
-        xz[l] += dx * dz;
-        yy[l] += dy * dy;
-        yz[l] += dy * dz;
-        zz[l] += dz * dz;
+void sumWindows(const float* x, const float* y, const float* z, const float* range,
+                std::ptrdiff_t width, int half, float max_change, LaneMoments* out) {
+  for (int first = 0; first < LANES; first += FLOATS) {
+    Floats x0, y0, z0, range0;
+    load(x + first, x0);
+    load(y + first, y0);
+    load(z + first, z0);
+    load(range + first, range0);
+    const Floats limit = max_change * range0;
+    Floats n{}, sx{}, sy{}, sz{}, xx{}, xy{}, xz{}, yy{}, yz{}, zz{};
+    for (int v = -half; v <= half; ++v)
+      for (int u = -half; u <= half; ++u) {
+        const std::ptrdiff_t at = first + v * width + u;
+        Floats dx, dy, dz, change;
+        load(x + at, dx);
+        load(y + at, dy);
+        load(z + at, dz);
+        load(range + at, change);
+        change -= range0;
+        const auto near = (change <= limit) & (change >= -limit);  // not for NaN
+        keepWhere(near, dx -= x0);
+        keepWhere(near, dy -= y0);
+        keepWhere(near, dz -= z0);
+        n -= __builtin_convertvector(near, Floats);  // true is -1
+        sx += dx;
+        sy += dy;
+        sz += dz;
+        xx += dx * dx;
+        xy += dx * dy;
+        xz += dx * dz;
+        yy += dy * dy;
+        yz += dy * dz;
+        zz += dz * dz;
       }
-    }
-
-  float a[LANES], b[LANES], c[LANES], d[LANES], e[LANES],
-      f[LANES];  // the upper triangle over its trace
-  float m[LANES], w[LANES], t[LANES] = {};
-  for (int l = 0; l < LANES; ++l) {
-    const float inverse = 1 / std::max(n[l], 1.0f);
-    const float mx = sx[l] * inverse, my = sy[l] * inverse, mz = sz[l] * inverse;
-    const float ca = xx[l] * inverse - mx * mx, cb = xy[l] * inverse - mx * my;
-    const float cc = xz[l] * inverse - mx * mz, cd = yy[l] * inverse - my * my;
-    const float ce = yz[l] * inverse - my * mz, cf = zz[l] * inverse - mz * mz;
-    const float trace = ca + cd + cf, unit = 1 / std::max(trace, 1e-20f);
-    a[l] = ca * unit;
-    b[l] = cb * unit;
-    c[l] = cc * unit;
-    d[l] = cd * unit;
-    e[l] = ce * unit;
-    f[l] = cf * unit;
-    // det(A - t I) = -t^3 + t^2 - m t + w
-    m[l] = a[l] * d[l] - b[l] * b[l] + a[l] * f[l] - c[l] * c[l] + d[l] * f[l] - e[l] * e[l];
-    w[l] = a[l] * (d[l] * f[l] - e[l] * e[l]) - b[l] * (b[l] * f[l] - c[l] * e[l]) +
-           c[l] * (b[l] * e[l] - c[l] * d[l]);
-  }
-  for (int i = 0; i < NEWTON_STEPS; ++i)
-    for (int l = 0; l < LANES; ++l) {
-      const float value = ((1 - t[l]) * t[l] - m[l]) * t[l] + w[l];
-      const float slope = (2 - 3 * t[l]) * t[l] - m[l];
-      t[l] -= zeroUnless(slope < -1e-12f, value / slope);
-    }
-  for (int l = 0; l < LANES; ++l) {
-    const float al = a[l] - t[l], dl = d[l] - t[l], fl = f[l] - t[l];
-    const float bl = b[l], cl = c[l], el = e[l];
-    const float ux = bl * el - cl * dl, uy = cl * bl - al * el,
-                uz = al * dl - bl * bl;  // rows 1, 2
-    const float vx = bl * fl - cl * el, vy = cl * cl - al * fl,
-                vz = al * el - bl * cl;  // rows 1, 3
-    const float wx = dl * fl - el * el, wy = el * cl - bl * fl,
-                wz = bl * el - dl * cl;  // rows 2, 3
-    const float u2 = ux * ux + uy * uy + uz * uz, v2 = vx * vx + vy * vy + vz * vz,
-                w2 = wx * wx + wy * wy + wz * wz;
-    const bool v_longer = v2 > u2;
-    const float px = v_longer ? vx : ux, py = v_longer ? vy : uy, pz = v_longer ? vz : uz;
-    const float p2 = v_longer ? v2 : u2;
-    const bool w_longer = w2 > p2;
-    const float qx = w_longer ? wx : px, qy = w_longer ? wy : py, qz = w_longer ? wz : pz;
-    const float q2 = w_longer ? w2 : p2;
-
-    // The middle eigenvalue is about m over the largest; on a line it vanishes.
-    const bool good = (n[l] >= MIN_NEIGHBORS) & (m[l] > MIN_WIDTH) & (q2 > 0);
-    const float length = std::sqrt(good ? q2 : 1.0f);
-    const float scale = good ? 1 / length : NONE;
-    out->x[l] = qx * scale;
-    out->y[l] = qy * scale;
-    out->z[l] = qz * scale;
-    const float least = t[l] > 0 ? t[l] : 0.0f;
-    out->curvature[l] = good ? least : NONE;
+    store(n, out->n + first);
+    store(sx, out->x + first);
+    store(sy, out->y + first);
+    store(sz, out->z + first);
+    store(xx, out->xx + first);
+    store(xy, out->xy + first);
+    store(xz, out->xz + first);
+    store(yy, out->yy + first);
+    store(yz, out->yz + first);
+    store(zz, out->zz + first);
   }
 }
 
@@ -189,9 +144,11 @@ Normals computeGridNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
     for (int column = 0; column < grid.columns; column += LANES) {
       const std::size_t first = grid.at(row, column);
       if (!grid.anyIn(first)) continue;
-      NormalBlock block;
-      normalsOfBlock(grid.x.data() + first, grid.y.data() + first, grid.z.data() + first,
-                     grid.range.data() + first, grid.width, half, change, &block);
+      LaneMoments sums;
+      sumWindows(grid.x.data() + first, grid.y.data() + first, grid.z.data() + first,
+                 grid.range.data() + first, grid.width, half, change, &sums);
+      LaneNormals block;
+      fitPlanes(sums, block);
       const int count = std::min(LANES, grid.columns - column);
       for (int l = 0; l < count; ++l) {
         const std::size_t i = static_cast<std::size_t>(row) * options.step * cloud.width +

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
+#include <limits>
 
 #include <Eigen/LU>
 
@@ -15,7 +17,9 @@ constexpr int SIZE = PlanarBlock::SIZE;
 constexpr int LANES = 8;    // sums side by side, as many as a wide register holds
 constexpr int COLUMNS = 7;  // of the equations: turn, shift, right-hand side
 constexpr int PRODUCTS = COLUMNS * (COLUMNS + 1) / 2;
-constexpr double FLATNESS = 1e-3;  // of GICP's surfaces: variance across over along them
+constexpr int BINS = 64;             // of squared distances
+constexpr std::size_t COUNTERS = 4;  // of each bin; divides SIZE
+constexpr double FLATNESS = 1e-3;    // of GICP's surfaces: variance across over along them
 
 /// Sums of the products of every two columns of the linearised equations, in lanes.
 struct Products {
@@ -50,6 +54,16 @@ TABLETOP_SIMD_CLONES void addPlanes(const Correspondences& block, float farthest
       for (int i = 0; i < SIZE; i += LANES)
         for (int lane = 0; lane < LANES; ++lane)
           products.lanes[k][lane] += columns[a][i + lane] * columns[b][i + lane];
+}
+
+/// The bin of each squared distance; BINS where there is no correspondence.
+TABLETOP_SIMD_CLONES void binDistances(const float* squared, float bins_per_squared,
+                                       std::uint8_t* bins) {
+  std::int32_t wide[SIZE];
+  for (int i = 0; i < SIZE; ++i)
+    wide[i] = static_cast<std::int32_t>(std::min(squared[i] * bins_per_squared, BINS - 1.0f)) +
+              (squared[i] > std::numeric_limits<float>::max());
+  for (int i = 0; i < SIZE; ++i) bins[i] = static_cast<std::uint8_t>(wide[i]);
 }
 
 NormalEquations equationsOfPlanes(const IcpPairs& pairs, const Eigen::Vector3d& center) {
@@ -103,7 +117,7 @@ Eigen::Matrix3d flatAbout(const Eigen::Vector3d& normal) {
 }  // namespace
 
 IcpPairs::IcpPairs(const PlanarSurface& cluster)
-    : cluster_(cluster), blocks_(cluster.blocks.size()) {}
+    : cluster_(cluster), blocks_(cluster.blocks.size()), bins_(cluster.blocks.size() * SIZE) {}
 
 void IcpPairs::find(const NearestGrid& model, const Eigen::Isometry3d& T_object_camera,
                     double max_distance, double trim) {
@@ -124,27 +138,31 @@ double IcpPairs::rms() const {
 
 /// Which are the nearest `trim` of them: counted in bins, sorted out in the last one alone.
 void IcpPairs::keepNearest(double trim, float bins_per_squared) {
-  std::array<std::size_t, BINS + 1> counts{};
-  const auto binOf = [&](float squared) {
-    return static_cast<int>(std::min(squared * bins_per_squared, static_cast<float>(BINS)));
+  for (std::size_t b = 0; b < blocks_.size(); ++b)
+    binDistances(blocks_[b].squared, bins_per_squared, &bins_[b * SIZE]);
+  // Several counts of each, for one that was just written takes long to be read again.
+  std::array<std::array<std::uint32_t, BINS + 1>, COUNTERS> counters{};
+  for (std::size_t i = 0; i < bins_.size(); i += COUNTERS)
+    for (std::size_t c = 0; c < COUNTERS; ++c) ++counters[c][bins_[i + c]];
+  const auto countOf = [&](int bin) {
+    std::size_t count = 0;
+    for (const auto& counter : counters) count += counter[bin];
+    return count;
   };
-  found_ = 0;
-  for (const auto& block : blocks_)
-    for (const float squared : block.squared) {
-      const bool is_one = std::isfinite(squared);
-      found_ += is_one;
-      counts[is_one ? binOf(squared) : BINS] += is_one;
-    }
+  found_ = bins_.size() - countOf(BINS);
   farthest_ = -1;
   kept_ = static_cast<std::size_t>(std::ceil(trim * static_cast<double>(found_)));
   if (kept_ == 0) return;
   int last_bin = 0;
   std::size_t before = 0;
-  while (before + counts[last_bin] < kept_) before += counts[last_bin++];
+  for (std::size_t count; before + (count = countOf(last_bin)) < kept_; ++last_bin) before += count;
   of_last_bin_.clear();
-  for (const auto& block : blocks_)
-    for (const float squared : block.squared)
-      if (std::isfinite(squared) && binOf(squared) == last_bin) of_last_bin_.push_back(squared);
+  for (std::size_t b = 0; b < blocks_.size(); ++b) {
+    const std::uint8_t* const bins = &bins_[b * SIZE];
+    if (std::memchr(bins, last_bin, SIZE) == nullptr) continue;
+    for (int i = 0; i < SIZE; ++i)
+      if (bins[i] == last_bin) of_last_bin_.push_back(blocks_[b].squared[i]);
+  }
   const auto last = of_last_bin_.begin() + static_cast<std::ptrdiff_t>(kept_ - before) - 1;
   std::nth_element(of_last_bin_.begin(), last, of_last_bin_.end());
   farthest_ = *last;

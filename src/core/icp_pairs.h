@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -39,13 +40,12 @@ class IcpPairs {
   const Eigen::Isometry3d& pose() const { return T_object_camera_; }
 
  private:
-  static constexpr int BINS = 64;  // of squared distances
-
   void keepNearest(double trim, float bins_per_squared);
 
   const PlanarSurface& cluster_;
   Eigen::Isometry3d T_object_camera_ = Eigen::Isometry3d::Identity();
   std::vector<Correspondences> blocks_;
+  std::vector<std::uint8_t> bins_;  // of their squared distances
   std::vector<float> of_last_bin_;
   std::size_t found_ = 0, kept_ = 0;
   float farthest_ = -1;

@@ -26,10 +26,10 @@ Marks::Marks(const std::vector<Surface>& parts) : first_word_{0} {
   bits_.assign(first_word_.back(), 0);
 }
 
-void Marks::mark(std::size_t part, const std::vector<bool>& marked) {
+void Marks::mark(std::size_t part, const std::vector<std::uint32_t>& marked) {
   std::uint64_t* const words = bits_.data() + first_word_[part];
   for (std::size_t i = 0; i < marked.size(); ++i)
-    words[i / BITS] |= static_cast<std::uint64_t>(marked[i]) << i % BITS;
+    words[i / 2] |= static_cast<std::uint64_t>(marked[i]) << BITS / 2 * (i % 2);
 }
 
 void Marks::mark(const Marks& other) {

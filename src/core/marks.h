@@ -18,8 +18,8 @@ class Marks {
   bool at(std::size_t part, std::size_t point) const {
     return bits_[first_word_[part] + point / BITS] >> point % BITS & 1;
   }
-  /// Marks points of a part. `marked`: one entry for each of them.
-  void mark(std::size_t part, const std::vector<bool>& marked);
+  /// Marks points of a part. `marked`: a bit for each of them, 32 in a word, the lowest first.
+  void mark(std::size_t part, const std::vector<std::uint32_t>& marked);
   /// Marks what `other` marks, too.
   void mark(const Marks& other);
 

@@ -35,6 +35,8 @@ struct Guess {
   Eigen::Isometry3d T_camera_object;
   double distance;  // of the descriptors; infinite where none was compared
   double promise = 0;
+  Agreement agreement = {};
+  bool has_color = false;  // the agreement counts the colours, should there be any
 };
 
 /// About `count` of the points, evenly taken.
@@ -157,15 +159,57 @@ std::vector<Guess> best(std::vector<Guess> guesses, int limit, int of_one,
   return kept;
 }
 
-/// How well a guess agrees with some points and the picture, 0 to 1.
-double promiseOf(const Guess& guess, const PlanarSurface& probes, const ColoredPoints& colored,
-                 const Observation& observation, const ModelIndex& index, double tolerance) {
-  Agreement agreement =
-      agreementOf(index, guess.model, guess.T_camera_object, probes, observation, tolerance);
-  agreement.color =
-      bestColorLikeness(index, guess.model, guess.T_camera_object, colored, tolerance);
+/// How promising an agreement is, 0 to 1.
+double promiseOf(const Agreement& agreement, double tolerance) {
   return agreement.score(tolerance) * (1 - HIDDEN_COST * agreement.hidden);
 }
+
+/// Holds a guess against some points and the picture, in shape.
+void judge(Guess& guess, const PlanarSurface& probes, const Observation& observation,
+           const ModelIndex& index, double tolerance) {
+  guess.agreement =
+      agreementOf(index, guess.model, guess.T_camera_object, probes, observation, tolerance);
+  guess.promise = promiseOf(guess.agreement, tolerance);
+}
+
+/// Hands guesses out, the most promising first. Colours only take away from a promise: they are not
+/// compared before it is a guess's turn by its shape.
+class Ranking {
+ public:
+  Ranking(std::vector<Guess> guesses, const ColoredPoints& colored, const ModelIndex& index)
+      : guesses_(std::move(guesses)), colored_(colored), index_(index) {
+    std::make_heap(guesses_.begin(), guesses_.end(), isLess);
+  }
+
+  bool empty() const { return guesses_.empty(); }
+
+  Guess take() {
+    while (!guesses_.front().has_color) {
+      Guess guess = pop();
+      guess.agreement.color =
+          bestColorLikeness(index_, guess.model, guess.T_camera_object, colored_, FINE);
+      guess.promise = promiseOf(guess.agreement, FINE);
+      guess.has_color = true;
+      guesses_.push_back(guess);
+      std::push_heap(guesses_.begin(), guesses_.end(), isLess);
+    }
+    return pop();
+  }
+
+ private:
+  static bool isLess(const Guess& a, const Guess& b) { return a.promise < b.promise; }
+
+  Guess pop() {
+    std::pop_heap(guesses_.begin(), guesses_.end(), isLess);
+    const Guess guess = guesses_.back();
+    guesses_.pop_back();
+    return guess;
+  }
+
+  std::vector<Guess> guesses_;
+  const ColoredPoints& colored_;
+  const ModelIndex& index_;
+};
 
 /// The most promising guesses, after a few steps of ICP. `points`: what they are to explain;
 /// `cluster`: what ICP moves them onto.
@@ -177,8 +221,7 @@ std::vector<Candidate> mostPromising(std::vector<Guess> guesses, const Surface& 
   for (auto& guess : guesses)
     guess.promise = closenessOf(index, guess.model, guess.T_camera_object, few, COARSE);
   guesses = best(std::move(guesses), MAX_JUDGED, MAX_JUDGED, index);
-  for (auto& guess : guesses)
-    guess.promise = promiseOf(guess, probes, {}, observation, index, COARSE);
+  for (auto& guess : guesses) judge(guess, probes, observation, index, COARSE);
   guesses = best(std::move(guesses), MAX_ALIGNED, MAX_ALIGNED_OF_ONE, index);
 
   ColoredPoints colored;
@@ -191,16 +234,17 @@ std::vector<Candidate> mostPromising(std::vector<Guess> guesses, const Surface& 
     const auto alignment =
         refinePose(source, index.grid(guess.model), guess.T_camera_object, coarse);
     if (alignment) guess.T_camera_object = alignment->T_camera_object;
-    guess.promise = promiseOf(guess, probes, colored, observation, index, FINE);
+    judge(guess, probes, observation, index, FINE);
   }
+  Ranking ranking(std::move(guesses), colored, index);
   std::vector<Candidate> candidates;
-  for (const auto& guess : best(std::move(guesses), MAX_ALIGNED, MAX_ALIGNED, index)) {
+  while (!ranking.empty() && static_cast<int>(candidates.size()) < options.max_candidates) {
+    const Guess guess = ranking.take();
     Candidate candidate{index.models()[guess.model].name, guess.distance, guess.promise,
                         guess.T_camera_object};
     const bool known = std::any_of(candidates.begin(), candidates.end(),
                                    [&](const auto& other) { return samePose(other, candidate); });
     if (!known) candidates.push_back(std::move(candidate));
-    if (static_cast<int>(candidates.size()) == options.max_candidates) break;
   }
   return candidates;
 }

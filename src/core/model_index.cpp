@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "tabletop_perception/database.h"
 #include "tabletop_perception/kd_tree.h"
 
 namespace tabletop_perception {
@@ -37,32 +38,39 @@ std::vector<Rgb> meanColors(const ObjectModel& model) {
 
 }  // namespace
 
-ModelIndex::ModelIndex(std::vector<ObjectModel> models) : models_(std::move(models)) {
-  if (!models_.empty()) options_ = models_.front().options;
-  for (std::size_t m = 0; m < models_.size(); ++m) {
-    ObjectModel& model = models_[m];
-    if (valuesOf(model.options) != valuesOf(options_))
-      throw std::invalid_argument("objects '" + models_.front().name + "' and '" + model.name +
-                                  "' were trained with different descriptor options; train one "
-                                  "of them again");
-    grids_.emplace_back(model.surface, GRID_CELL, GRID_MARGIN);
-    sparse_.push_back(makeSparse(model));
-    colors_.push_back(meanColors(model));
-    rolls_.emplace_back(model.views.size());
-    for (std::size_t v = 0; v < model.views.size(); ++v) {
-      View& view = model.views[v];
-      const double extent = extentOf(view.surface.points);
-      for (const auto& descriptor : view.descriptors) {
-        Table& table = vectors_[descriptor.kind];
-        if (descriptor.kind == CAMERA_ROLL) rolls_[m][v] = table.entries.size();
-        table.dimension = static_cast<int>(descriptor.values.size());
-        table.values.insert(table.values.end(), descriptor.values.begin(), descriptor.values.end());
-        table.entries.push_back({static_cast<int>(m), static_cast<int>(v), descriptor.centroid,
-                                 extent, descriptor.axes});
-      }
-      view = View{view.T_view_object, {}, {}};
+ModelIndex::ModelIndex(std::vector<ObjectModel> models) {
+  for (auto& model : models) add(std::move(model));
+}
+
+ModelIndex::ModelIndex(const ObjectDatabase& database) {
+  database.visitAll([this](ObjectModel model) { add(std::move(model)); });
+}
+
+void ModelIndex::add(ObjectModel model) {
+  if (models_.empty()) options_ = model.options;
+  if (valuesOf(model.options) != valuesOf(options_))
+    throw std::invalid_argument("objects '" + models_.front().name + "' and '" + model.name +
+                                "' were trained with different descriptor options; train one "
+                                "of them again");
+  grids_.emplace_back(model.surface, GRID_CELL, GRID_MARGIN);
+  sparse_.push_back(makeSparse(model));
+  colors_.push_back(meanColors(model));
+  rolls_.emplace_back(model.views.size());
+  const auto m = static_cast<int>(models_.size());
+  for (std::size_t v = 0; v < model.views.size(); ++v) {
+    View& view = model.views[v];
+    const double extent = extentOf(view.surface.points);
+    for (const auto& descriptor : view.descriptors) {
+      Table& table = vectors_[descriptor.kind];
+      if (descriptor.kind == CAMERA_ROLL) rolls_[m][v] = table.entries.size();
+      table.dimension = static_cast<int>(descriptor.values.size());
+      table.values.insert(table.values.end(), descriptor.values.begin(), descriptor.values.end());
+      table.entries.push_back(
+          {m, static_cast<int>(v), descriptor.centroid, extent, descriptor.axes});
     }
+    view = View{view.T_view_object, {}, {}};
   }
+  models_.push_back(std::move(model));
 }
 
 const ModelIndex::Table& ModelIndex::vectors(const std::string& kind) const {

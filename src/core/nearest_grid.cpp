@@ -1,6 +1,7 @@
 #include "tabletop_perception/nearest_grid.h"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 #include <stdexcept>
 
@@ -11,9 +12,8 @@ namespace tabletop_perception {
 namespace {
 
 constexpr int SIZE = PlanarBlock::SIZE;
-constexpr float MIN_NORMAL_DOT = 0.5f;  // of points that correspond, either way round
-constexpr double MAX_CELLS = 4 << 20;   // as a cube of 0.6 m in cells of 4 mm; larger things get
-constexpr double COARSER = 1.1;         // larger cells, step by step
+constexpr double MAX_CELLS = 4 << 20;  // as a cube of 0.6 m in cells of 4 mm; larger things get
+constexpr double COARSER = 1.1;        // larger cells, step by step
 constexpr float NONE = std::numeric_limits<float>::infinity();
 
 /// Where the grid lies and how points come into its frame, for the kernel.
@@ -53,9 +53,35 @@ TABLETOP_SIMD_CLONES void locate(const PlanarBlock& __restrict points,
   }
 }
 
+/// Lays four facets side by side, from the point `at` on.
+template <typename Facet>
+inline void unpack(const Facet& a, const Facet& b, const Facet& c, const Facet& d, int at,
+                   Correspondences& out) {
+  using Four = float __attribute__((vector_size(16)));
+  const auto four = [](const float* from) {
+    Four values;
+    std::memcpy(&values, from, sizeof values);
+    return values;
+  };
+  const auto store = [&](Four values, float* to) { std::memcpy(to + at, &values, sizeof values); };
+  const Four xyz_a = four(&a.x), xyz_b = four(&b.x), xyz_c = four(&c.x), xyz_d = four(&d.x);
+  const Four xy_ab = __builtin_shufflevector(xyz_a, xyz_b, 0, 4, 1, 5);
+  const Four xy_cd = __builtin_shufflevector(xyz_c, xyz_d, 0, 4, 1, 5);
+  const Four z_ab = __builtin_shufflevector(xyz_a, xyz_b, 2, 6, 3, 7);  // and the normals' x
+  const Four z_cd = __builtin_shufflevector(xyz_c, xyz_d, 2, 6, 3, 7);
+  store(__builtin_shufflevector(xy_ab, xy_cd, 0, 1, 4, 5), out.dx);
+  store(__builtin_shufflevector(xy_ab, xy_cd, 2, 3, 6, 7), out.dy);
+  store(__builtin_shufflevector(z_ab, z_cd, 0, 1, 4, 5), out.dz);
+  store(__builtin_shufflevector(z_ab, z_cd, 2, 3, 6, 7), out.nx);
+  const Four yz_ab = __builtin_shufflevector(four(&a.ny), four(&b.ny), 0, 4, 1, 5);
+  const Four yz_cd = __builtin_shufflevector(four(&c.ny), four(&d.ny), 0, 4, 1, 5);
+  store(__builtin_shufflevector(yz_ab, yz_cd, 0, 1, 4, 5), out.ny);
+  store(__builtin_shufflevector(yz_ab, yz_cd, 2, 3, 6, 7), out.nz);
+}
+
 /// Turns nearest points into correspondences. `out`: with the nearest points in dx, dy, dz.
 TABLETOP_SIMD_CLONES void judge(const PlanarBlock& points, const Lattice& lattice,
-                                const std::int32_t* cells, float max_squared,
+                                const std::int32_t* cells, float max_squared, float min_squared_dot,
                                 Correspondences& out) {
   const float* T = lattice.T;
   for (int i = 0; i < SIZE; ++i) {
@@ -68,7 +94,7 @@ TABLETOP_SIMD_CLONES void judge(const PlanarBlock& points, const Lattice& lattic
     const float nz = T[8] * points.nx[i] + T[9] * points.ny[i] + T[10] * points.nz[i];
     const float dot = nx * out.nx[i] + ny * out.ny[i] + nz * out.nz[i];
     const bool corresponds =
-        (cells[i] >= 0) & (squared <= max_squared) & (dot * dot >= MIN_NORMAL_DOT * MIN_NORMAL_DOT);
+        (cells[i] >= 0) & (squared <= max_squared) & (dot * dot >= min_squared_dot);
     out.dx[i] = dx;
     out.dy[i] = dy;
     out.dz[i] = dz;
@@ -88,7 +114,7 @@ NearestGrid::NearestGrid(const Surface& surface, double cell, double margin) {
   for (std::size_t i = 0; i < surface.size(); ++i) {
     const auto& p = surface.points[i];
     const auto& n = surface.normals[i];
-    facets_.push_back({p.x(), p.y(), p.z(), n.x(), n.y(), n.z()});
+    facets_.push_back({p.x(), p.y(), p.z(), n.x(), n.y(), n.z(), 0, 0});
   }
   const auto wide = static_cast<float>(margin);
   origin_ = low.array() - wide;
@@ -116,7 +142,7 @@ NearestGrid::NearestGrid(const Surface& surface, double cell, double margin) {
 }
 
 void NearestGrid::correspond(const PlanarBlock& points, const Eigen::Isometry3f& T_surface_points,
-                             float max_squared, Correspondences& out) const {
+                             float max_squared, Correspondences& out, float min_normal_dot) const {
   Lattice lattice;
   Eigen::Map<Eigen::Matrix<float, 3, 4, Eigen::RowMajor>>(lattice.T) =
       T_surface_points.matrix().topRows<3>();
@@ -130,12 +156,14 @@ void NearestGrid::correspond(const PlanarBlock& points, const Eigen::Isometry3f&
   }
   alignas(32) std::int32_t cells[SIZE];
   locate(points, lattice, out, cells);
-  for (int i = 0; i < SIZE; ++i) {
-    const Facet& facet = facets_[cells[i] < 0 ? 0 : indexAt(static_cast<std::size_t>(cells[i]))];
-    out.dx[i] = facet.x, out.dy[i] = facet.y, out.dz[i] = facet.z;
-    out.nx[i] = facet.nx, out.ny[i] = facet.ny, out.nz[i] = facet.nz;
+  for (int i = 0; i < SIZE; i += 4) {
+    const auto facetOf = [&](std::int32_t cell) -> const Facet& {
+      return facets_[cell < 0 ? 0 : indexAt(static_cast<std::size_t>(cell))];
+    };
+    unpack(facetOf(cells[i]), facetOf(cells[i + 1]), facetOf(cells[i + 2]), facetOf(cells[i + 3]),
+           i, out);
   }
-  judge(points, lattice, cells, max_squared, out);
+  judge(points, lattice, cells, max_squared, min_normal_dot * min_normal_dot, out);
 }
 
 std::size_t NearestGrid::memory() const {

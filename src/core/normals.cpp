@@ -3,39 +3,47 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
-
-#include <Eigen/Eigenvalues>
+#include <stdexcept>
+#include <string>
 
 #include "grid_normals.h"
 #include "integral_normals.h"
+#include "plane_of_moments.h"
 #include "radius_grid.h"
 #include "tabletop_perception/kd_tree.h"
-#include "voxel_key.h"
+#include "voxel_numbers.h"
 
 namespace tabletop_perception {
 namespace {
 
-constexpr int MIN_NEIGHBORS = 4;  // three points always lie on a plane, whatever they are
-
-struct PlaneFit {
-  Eigen::Vector3f normal;
-  float curvature;
-};
-
-/// The direction of least variance; none when the points are too few or lie on a line.
-std::optional<PlaneFit> fitPlane(const Moments& moments) {
-  if (moments.count < MIN_NEIGHBORS) return std::nullopt;
-  const float n = static_cast<float>(moments.count);
-  const Eigen::Matrix3f covariance =
-      moments.products / n - (moments.sum / n) * (moments.sum / n).transpose();
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3f> solver;
-  solver.computeDirect(covariance);
-  const Eigen::Vector3f values = solver.eigenvalues();
-  if (!(values[1] > 1e-3f * values[2])) return std::nullopt;
-  const float least = std::max(0.0f, values[0]);
-  return PlaneFit{solver.eigenvectors().col(0).normalized(),
-                  least / (least + values[1] + values[2])};
+/// Fits a plane to each of `count` neighbourhoods. Calls take(i, normal, curvature) for those whose
+/// points are enough and lie on no line. `momentsOf(i)`: of the points of one.
+template <typename MomentsOf, typename Take>
+void visitPlanes(std::size_t count, MomentsOf momentsOf, Take take) {
+  constexpr std::size_t LANES = LaneMoments::LANES;
+  for (std::size_t first = 0; first < count; first += LANES) {
+    const int lanes = static_cast<int>(std::min(LANES, count - first));
+    LaneMoments all;
+    for (int l = 0; l < lanes; ++l) {
+      const Moments moments = momentsOf(first + l);
+      all.n[l] = static_cast<float>(moments.count);
+      all.x[l] = moments.sum.x();
+      all.y[l] = moments.sum.y();
+      all.z[l] = moments.sum.z();
+      all.xx[l] = moments.products(0, 0);
+      all.xy[l] = moments.products(0, 1);
+      all.xz[l] = moments.products(0, 2);
+      all.yy[l] = moments.products(1, 1);
+      all.yz[l] = moments.products(1, 2);
+      all.zz[l] = moments.products(2, 2);
+    }
+    LaneNormals planes;
+    fitPlanes(all, planes);
+    for (int l = 0; l < lanes; ++l)
+      if (!std::isnan(planes.x[l]))
+        take(first + l, Eigen::Vector3f(planes.x[l], planes.y[l], planes.z[l]),
+             planes.curvature[l]);
+  }
 }
 
 Eigen::Vector3f turnedTowards(const Eigen::Vector3f& normal, const Eigen::Vector3f& point,
@@ -57,10 +65,22 @@ Moments nearestMoments(const KdTree& tree, const Eigen::Vector3f& p, int k,
 }
 
 std::vector<Eigen::Vector3f> voxelMeans(const std::vector<Eigen::Vector3f>& points, double leaf) {
-  Surface surface;
-  surface.points = points;
-  surface.normals.assign(points.size(), Eigen::Vector3f::UnitZ());
-  return downsampled(surface, leaf).points;
+  if (!(leaf > 0))
+    throw std::invalid_argument("leaf must be positive, got " + std::to_string(leaf));
+  VoxelNumbers voxels;
+  std::vector<Eigen::Vector3f> means;
+  std::vector<int> counts;
+  for (const auto& p : points) {
+    const int voxel = voxels.numberOf(VoxelKey::of(p, 1.0 / leaf));
+    if (voxel == static_cast<int>(means.size())) {
+      means.emplace_back(Eigen::Vector3f::Zero());
+      counts.push_back(0);
+    }
+    means[voxel] += p;
+    ++counts[voxel];
+  }
+  for (std::size_t i = 0; i < means.size(); ++i) means[i] /= static_cast<float>(counts[i]);
+  return means;
 }
 
 }  // namespace
@@ -77,16 +97,18 @@ Normals computeNormals(const Cloud& cloud, const Eigen::Vector3f& viewpoint,
   const Indices valid = validIndices(cloud);
   const KdTree tree(pointsAt(cloud, valid));
   std::vector<KdTree::Neighbor> nearest;
-  for (const int i : valid) {
-    const Eigen::Vector3f p = cloud.point(i);
-    const auto fit = fitPlane(nearestMoments(tree, p, options.neighbors, nearest));
-    if (!fit) continue;
-    const Eigen::Vector3f normal = turnedTowards(fit->normal, p, viewpoint);
-    normals.x[i] = normal.x();
-    normals.y[i] = normal.y();
-    normals.z[i] = normal.z();
-    normals.curvature[i] = fit->curvature;
-  }
+  const auto momentsOf = [&](std::size_t k) {
+    return nearestMoments(tree, tree.points()[k], options.neighbors, nearest);
+  };
+  visitPlanes(valid.size(), momentsOf,
+              [&](std::size_t k, const Eigen::Vector3f& plane_normal, float curvature) {
+                const Eigen::Vector3f normal =
+                    turnedTowards(plane_normal, tree.points()[k], viewpoint);
+                normals.x[valid[k]] = normal.x();
+                normals.y[valid[k]] = normal.y();
+                normals.z[valid[k]] = normal.z();
+                normals.curvature[valid[k]] = curvature;
+              });
   return normals;
 }
 
@@ -95,12 +117,12 @@ Surface sampleSurface(const std::vector<Eigen::Vector3f>& points, double leaf, d
   const auto means = voxelMeans(points, leaf);
   const RadiusGrid near(means, radius);
   Surface surface;
-  for (const auto& p : means) {
-    const auto fit = fitPlane(near.momentsAbout(p));
-    if (!fit) continue;
-    surface.points.push_back(p);
-    surface.normals.push_back(turnedTowards(fit->normal, p, viewpoint));
-  }
+  visitPlanes(
+      means.size(), [&](std::size_t i) { return near.momentsAbout(means[i]); },
+      [&](std::size_t i, const Eigen::Vector3f& normal, float) {
+        surface.points.push_back(means[i]);
+        surface.normals.push_back(turnedTowards(normal, means[i], viewpoint));
+      });
   return surface;
 }
 

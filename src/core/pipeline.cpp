@@ -14,12 +14,15 @@
 namespace tabletop_perception {
 namespace {
 
-/// The points of several clusters.
-Indices pointsOf(const std::vector<Indices>& clusters, const std::vector<int>& members) {
-  Indices points;
-  for (const int k : members) points.insert(points.end(), clusters[k].begin(), clusters[k].end());
-  std::sort(points.begin(), points.end());
-  return points;
+/// The samples of several clusters.
+Surface sampleOf(const std::vector<Surface>& samples, const std::vector<int>& members) {
+  Surface all;
+  for (const int k : members) {
+    const Surface& some = samples[k];
+    all.points.insert(all.points.end(), some.points.begin(), some.points.end());
+    all.normals.insert(all.normals.end(), some.normals.begin(), some.normals.end());
+  }
+  return all;
 }
 
 std::vector<std::uint32_t> labelsOfMembers(const std::vector<int>& members) {
@@ -131,11 +134,20 @@ std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indic
                          candidates ? *candidates : Found<std::vector<Candidate>>::none("")});
   }
   if (!changed.empty()) {
+    std::vector<int> sampled;  // clusters that have changed, alone or in a union
+    for (const std::size_t k : changed)
+      sampled.insert(sampled.end(), unions[k].begin(), unions[k].end());
+    std::sort(sampled.begin(), sampled.end());
+    sampled.erase(std::unique(sampled.begin(), sampled.end()), sampled.end());
+    std::vector<Surface> samples(clusters.size());
+    forEach(sampled.size(), options.threads, [&](std::size_t i) {
+      const int k = sampled[i];
+      samples[k] = sampleCluster(scene, clusters[k], index.descriptorOptions());
+    });
     const Observations observations(scene, tables);
     forEach(changed.size(), options.threads, [&](std::size_t i) {
       const std::size_t k = changed[i];
-      const Surface sample =
-          sampleCluster(scene, pointsOf(clusters, unions[k]), index.descriptorOptions());
+      const Surface sample = sampleOf(samples, unions[k]);
       const Observation& observation = observations.about(centroidOf(sample.points));
       proposals[k].candidates = matchCluster(sample, observation, index, options);
     });

@@ -18,4 +18,9 @@ PlanarSurface::PlanarSurface(const Surface& surface)
   }
 }
 
+void PlanarSurface::append(const PlanarSurface& other) {
+  blocks.insert(blocks.end(), other.blocks.begin(), other.blocks.end());
+  size += other.size;
+}
+
 }  // namespace tabletop_perception

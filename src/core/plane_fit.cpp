@@ -124,6 +124,15 @@ struct PaddedPoints {
   }
 };
 
+/// Whether any of some points is valid. Cameras see nothing over large parts of a picture, of which
+/// one coordinate is enough to look at.
+TABLETOP_SIMD_CLONES
+bool anyValid(const float* x, std::size_t count) {
+  int valid = 0;
+  for (std::size_t i = 0; i < count; ++i) valid |= x[i] == x[i] ? 1 : 0;  // not for NaN
+  return valid != 0;
+}
+
 /// Counts the valid points of each of so many blocks.
 TABLETOP_SIMD_CLONES
 void countValid(const float* x, std::size_t blocks, int* valid) {
@@ -152,10 +161,12 @@ Moments momentsNear(const Cloud& cloud, const Eigen::Vector4d& near, double band
   const Eigen::Vector3f center = middle.cast<float>();
   Moments moments{};
   const std::size_t whole = cloud.size() / LANES * LANES;
-  for (std::size_t i = 0; i < whole; i += BLOCK)
-    addMoments(cloud.x.data() + i, cloud.y.data() + i, cloud.z.data() + i,
-               std::min(BLOCK, whole - i), share, plane.data(), static_cast<float>(band),
-               center.data(), moments.data());
+  for (std::size_t i = 0; i < whole; i += BLOCK) {
+    const std::size_t count = std::min(BLOCK, whole - i);
+    if (!anyValid(&cloud.x[i], count)) continue;
+    addMoments(&cloud.x[i], &cloud.y[i], &cloud.z[i], count, share, plane.data(),
+               static_cast<float>(band), center.data(), moments.data());
+  }
   const PaddedPoints rest(cloud, whole);
   addMoments(rest.x.data(), rest.y.data(), rest.z.data(), rest.x.size(), share, plane.data(),
              static_cast<float>(band), center.data(), moments.data());
@@ -207,17 +218,23 @@ Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double
 }
 
 Indices pointsBetween(const Cloud& cloud, const Eigen::Vector4d& plane, double low, double high) {
-  const Eigen::Vector4f q = plane.cast<float>();
   Indices between;
   between.reserve(cloud.size());
+  appendBetween(cloud, 0, cloud.size(), plane, low, high, between);
+  return between;
+}
+
+void appendBetween(const Cloud& cloud, std::size_t begin, std::size_t end,
+                   const Eigen::Vector4d& plane, double low, double high, Indices& between) {
+  const Eigen::Vector4f q = plane.cast<float>();
   std::uint8_t marks[MARKS];  // of a few points: they stay cached
-  for (std::size_t i = 0; i < cloud.size(); i += MARKS) {
-    const std::size_t count = std::min(MARKS, cloud.size() - i);
+  for (std::size_t i = begin; i < end; i += MARKS) {
+    const std::size_t count = std::min(MARKS, end - i);
+    if (!anyValid(&cloud.x[i], count)) continue;
     markBetween(&cloud.x[i], &cloud.y[i], &cloud.z[i], count, q.data(), static_cast<float>(low),
                 static_cast<float>(high), marks);
     appendMarked(marks, count, i, between);
   }
-  return between;
 }
 
 Cloud samplePoints(const Cloud& cloud, std::size_t size) {

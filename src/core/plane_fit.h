@@ -44,6 +44,10 @@ Indices pointsNearPlane(const Cloud& cloud, const Eigen::Vector4d& plane, double
 /// Points whose signed distance from a plane is from `low` to `high` [m].
 Indices pointsBetween(const Cloud& cloud, const Eigen::Vector4d& plane, double low, double high);
 
+/// Appends those of the points from `begin` up to `end`.
+void appendBetween(const Cloud& cloud, std::size_t begin, std::size_t end,
+                   const Eigen::Vector4d& plane, double low, double high, Indices& between);
+
 /// About `size` of a cloud's valid points (all of them if there are fewer), in its order: one drawn
 /// out of each of as many even stretches, the same ones wherever pixels without a point lie
 /// between.

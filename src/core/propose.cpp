@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <set>
-#include <unordered_map>
 #include <utility>
 
 #include "union_find.h"
-#include "voxel_key.h"
+#include "voxel_numbers.h"
 
 namespace tabletop_perception {
 namespace {
@@ -14,19 +13,25 @@ namespace {
 using Pairs = std::set<std::pair<int, int>>;  // first < second
 
 Pairs touchingPairs(const Cloud& cloud, const std::vector<Indices>& clusters, double gap) {
-  std::unordered_map<VoxelKey, std::set<int>, VoxelKeyHash> clusters_in_cube;
+  VoxelNumbers cubes;
+  std::vector<std::vector<int>> clusters_in;  // each cube, ascending
   for (std::size_t k = 0; k < clusters.size(); ++k)
-    for (const int i : clusters[k])
-      clusters_in_cube[VoxelKey::of(cloud.point(i), 1.0 / gap)].insert(static_cast<int>(k));
+    for (const int i : clusters[k]) {
+      const auto cube =
+          static_cast<std::size_t>(cubes.numberOf(VoxelKey::of(cloud.point(i), 1.0 / gap)));
+      if (cube == clusters_in.size()) clusters_in.emplace_back();
+      auto& here = clusters_in[cube];
+      if (here.empty() || here.back() != static_cast<int>(k)) here.push_back(static_cast<int>(k));
+    }
 
   Pairs pairs;
-  for (const auto& [key, here] : clusters_in_cube)
+  for (int cube = 0; cube < cubes.size(); ++cube)
     for (int n = 0; n < 14; ++n) {  // half of the cubes around it, and itself
-      const auto near =
-          clusters_in_cube.find({key.x + n % 3 - 1, key.y + n / 3 % 3 - 1, key.z + n / 9 - 1});
-      if (near == clusters_in_cube.end()) continue;
-      for (const int a : here)
-        for (const int b : near->second)
+      const VoxelKey& key = cubes.key(cube);
+      const int near = cubes.find({key.x + n % 3 - 1, key.y + n / 3 % 3 - 1, key.z + n / 9 - 1});
+      if (near < 0) continue;
+      for (const int a : clusters_in[cube])
+        for (const int b : clusters_in[near])
           if (a != b) pairs.insert(std::minmax(a, b));
     }
   return pairs;

@@ -1,6 +1,7 @@
 #include "radius_grid.h"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 
 #include "simd.h"
@@ -9,30 +10,57 @@ namespace tabletop_perception {
 namespace {
 
 constexpr int LANES = 8;
+constexpr int MAX_RUNS = 9;                     // of points about a point
 constexpr std::size_t MAX_CUBES_PER_POINT = 8;  // more of them would take longer to clear
 
-/// Sums in lanes: of x, y, z, of xx, xy, xz, yy, yz, zz, and how many.
-struct Sums {
-  alignas(32) float lanes[10][LANES] = {};
+constexpr int CHUNK = 64;  // of a run whose distances are taken at once; a multiple of LANES
+constexpr int SUMS = 10;   // x, y, z, xx, xy, xz, yy, yz, zz, and how many
+
+/// Sorted points from one on.
+struct Run {
+  int first, count;
 };
 
-TABLETOP_SIMD_CLONES void addRun(const float* xs, const float* ys, const float* zs, int count,
-                                 const float* p, float squared_radius, Sums& sums) {
+/// Sums over the points of some runs within the radius of `p`, relative to it.
+TABLETOP_SIMD_CLONES void sumRuns(const float* __restrict xs, const float* __restrict ys,
+                                  const float* __restrict zs, const Run* __restrict runs,
+                                  int run_count, const float* __restrict p, float squared_radius,
+                                  float* __restrict sums) {
+  alignas(32) float lanes[SUMS][LANES] = {};
+  for (int r = 0; r < run_count; ++r)
+    for (int i = 0; i < runs[r].count; i += LANES) {
+      const int first = runs[r].first + i, left = runs[r].count - i;
+      for (int lane = 0; lane < LANES; ++lane) {
+        const float dx = xs[first + lane] - p[0], dy = ys[first + lane] - p[1],
+                    dz = zs[first + lane] - p[2];
+        const bool near = (dx * dx + dy * dy + dz * dz <= squared_radius) & (lane < left);
+        const float x = zeroUnless(near, dx), y = zeroUnless(near, dy), z = zeroUnless(near, dz);
+        lanes[0][lane] += x;
+        lanes[1][lane] += y;
+        lanes[2][lane] += z;
+        lanes[3][lane] += x * x;
+        lanes[4][lane] += x * y;
+        lanes[5][lane] += x * z;
+        lanes[6][lane] += y * y;
+        lanes[7][lane] += y * z;
+        lanes[8][lane] += z * z;
+        lanes[9][lane] += zeroUnless(near, 1);
+      }
+    }
+  for (int k = 0; k < SUMS; ++k) {
+    sums[k] = 0;
+    for (int lane = 0; lane < LANES; ++lane) sums[k] += lanes[k][lane];
+  }
+}
+
+/// Squared distances of some points from `p`.
+TABLETOP_SIMD_CLONES void squaredDistances(const float* __restrict xs, const float* __restrict ys,
+                                           const float* __restrict zs, int count,
+                                           const float* __restrict p, float* __restrict squared) {
   for (int i = 0; i < count; i += LANES)
-    for (int lane = 0; lane < LANES; ++lane) {
-      const float dx = xs[i + lane] - p[0], dy = ys[i + lane] - p[1], dz = zs[i + lane] - p[2];
-      const bool near = (dx * dx + dy * dy + dz * dz <= squared_radius) & (lane < count - i);
-      const float x = zeroUnless(near, dx), y = zeroUnless(near, dy), z = zeroUnless(near, dz);
-      sums.lanes[0][lane] += x;
-      sums.lanes[1][lane] += y;
-      sums.lanes[2][lane] += z;
-      sums.lanes[3][lane] += x * x;
-      sums.lanes[4][lane] += x * y;
-      sums.lanes[5][lane] += x * z;
-      sums.lanes[6][lane] += y * y;
-      sums.lanes[7][lane] += y * z;
-      sums.lanes[8][lane] += z * z;
-      sums.lanes[9][lane] += zeroUnless(near, 1);
+    for (int lane = i; lane < i + LANES; ++lane) {
+      const float dx = xs[lane] - p[0], dy = ys[lane] - p[1], dz = zs[lane] - p[2];
+      squared[lane] = dx * dx + dy * dy + dz * dz;
     }
 }
 
@@ -92,13 +120,11 @@ void RadiusGrid::visitRuns(const Eigen::Vector3f& p, Visit visit) const {
 }
 
 Moments RadiusGrid::momentsAbout(const Eigen::Vector3f& p) const {
-  Sums sums;
-  visitRuns(p, [&](int first, int end) {
-    addRun(&x_[first], &y_[first], &z_[first], end - first, p.data(), squared_radius_, sums);
-  });
-  float all[10] = {};
-  for (int k = 0; k < 10; ++k)
-    for (const float lane : sums.lanes[k]) all[k] += lane;
+  std::array<Run, MAX_RUNS> runs;
+  int count = 0;
+  visitRuns(p, [&](int first, int end) { runs[count++] = {first, end - first}; });
+  float all[SUMS];
+  sumRuns(x_.data(), y_.data(), z_.data(), runs.data(), count, p.data(), squared_radius_, all);
   Moments moments;
   moments.sum << all[0], all[1], all[2];
   moments.products << all[3], all[4], all[5], all[4], all[6], all[7], all[5], all[7], all[8];
@@ -107,10 +133,19 @@ Moments RadiusGrid::momentsAbout(const Eigen::Vector3f& p) const {
 }
 
 void RadiusGrid::appendWithin(const Eigen::Vector3f& p, std::vector<int>& indices) const {
+  alignas(32) std::array<float, CHUNK> squared;
   visitRuns(p, [&](int first, int end) {
-    for (int i = first; i < end; ++i) {
-      const float dx = x_[i] - p.x(), dy = y_[i] - p.y(), dz = z_[i] - p.z();
-      if (dx * dx + dy * dy + dz * dz <= squared_radius_) indices.push_back(indices_[i]);
+    for (; first < end; first += CHUNK) {
+      const int count = std::min(CHUNK, end - first);
+      squaredDistances(&x_[first], &y_[first], &z_[first], count, p.data(), squared.data());
+      // All are written, those within stay: which ones are is hard to foresee for a processor.
+      std::size_t size = indices.size();
+      indices.resize(size + count);
+      for (int i = 0; i < count; ++i) {
+        indices[size] = indices_[first + i];
+        size += squared[i] <= squared_radius_;
+      }
+      indices.resize(size);
     }
   });
 }

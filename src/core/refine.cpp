@@ -16,6 +16,8 @@ constexpr double SHRINK = 0.8;  // of the correspondence distance per iteration
 constexpr double DAMPING =
     1e-2;  // of the normal equations' mean diagonal: free directions stay put
 constexpr int MIN_POINTS = 6;
+constexpr std::size_t LONGEST_CYCLE = 6;  // of poses that ICP goes through over and over
+constexpr double SAME_POSE = 0.2;         // of the least step, where ICP comes back to
 constexpr int SIZE = PlanarBlock::SIZE;
 
 /// A small motion: a turn about `center`, then a shift.
@@ -38,6 +40,36 @@ Eigen::Isometry3d stepOf(const IcpPairs& pairs, const Eigen::Vector3d& center,
   diagonal.tail<3>().array() += DAMPING * shift + 1e-12;
   return motionOf(equations.A.ldlt().solve(equations.b), center);
 }
+
+/// The last poses of a cluster in the model's frame. Near its end ICP may go to and fro between
+/// pairs of points for ever.
+class Trail {
+ public:
+  Trail(const Eigen::Vector3d& middle, const RefineOptions& options)
+      : middle_(middle), options_(options) {}
+
+  /// Whether a pose is the last one up to the least step, or an earlier one up to much less: then
+  /// it gets no farther.
+  bool endsAt(const Eigen::Isometry3d& T_object_camera) const {
+    return std::any_of(last_.begin(), last_.end(), [&](const Eigen::Isometry3d& other) {
+      const double share = &other == &last_.back() ? 1 : SAME_POSE;
+      return (T_object_camera * middle_ - other * middle_).norm() <
+                 share * options_.min_translation &&
+             angleOf(T_object_camera.linear() * other.linear().transpose()) <
+                 share * options_.min_rotation;
+    });
+  }
+
+  void add(const Eigen::Isometry3d& T_object_camera) {
+    if (last_.size() == LONGEST_CYCLE) last_.erase(last_.begin());
+    last_.push_back(T_object_camera);
+  }
+
+ private:
+  const Eigen::Vector3d middle_;
+  const RefineOptions& options_;
+  std::vector<Eigen::Isometry3d> last_;
+};
 
 /// The rotation nearest to the pose's, against drift over many small steps.
 void orthonormalize(Eigen::Isometry3d& T) {
@@ -88,18 +120,16 @@ Found<Alignment> refinePose(const PlanarSurface& cluster, const NearestGrid& mod
   Alignment alignment;
   IcpPairs pairs(cluster);
   double distance = std::max(options.start_distance, options.max_distance);
+  Trail trail(extent.middle, options);
   for (; alignment.iterations < options.max_iterations && !alignment.converged;
        ++alignment.iterations) {
     pairs.find(model, T_object_camera, distance, options.trim);
     if (pairs.kept() < MIN_POINTS) break;
     const Eigen::Vector3d center = T_object_camera * extent.middle;
-    const Eigen::Isometry3d step = stepOf(pairs, center, options.method);
-    T_object_camera = step * T_object_camera;
+    if (distance <= options.max_distance) trail.add(T_object_camera);
+    T_object_camera = stepOf(pairs, center, options.method) * T_object_camera;
     orthonormalize(T_object_camera);
-
-    alignment.converged = distance <= options.max_distance &&
-                          angleOf(step.linear()) < options.min_rotation &&
-                          (step * center - center).norm() < options.min_translation;
+    alignment.converged = trail.endsAt(T_object_camera);
     distance = std::max(options.max_distance, SHRINK * distance);
   }
 

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <numeric>
 #include <unordered_map>
 
+#include "lowest_point.h"
 #include "near_model.h"
+#include "simd.h"
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/symmetry.h"
 #include "voxel_key.h"
@@ -14,6 +16,9 @@ namespace tabletop_perception {
 namespace {
 
 constexpr std::size_t MAX_TURN_POINTS = 3000;  // that tell near symmetries apart
+constexpr std::size_t FEW_TURN_POINTS = 400;   // that tell the hopeless ones
+constexpr int COARSE_ITERATIONS = 15;          // of ICP with these
+constexpr double HOPELESS = 14;                // log likelihood ratio to the likeliest
 constexpr double TURN_REACH = 0.015;           // of points about the model that count [m]
 constexpr double TURN_DISTANCE = 0.006;        // farther off a point says no more [m]
 constexpr double CONTACT_NOISE = 0.001;        // of the table's height under an object [m]
@@ -26,62 +31,82 @@ constexpr double PATCH = 0.02;      // over which the distances of points are of
 constexpr double TURN_AT_HAND = 1;  // log likelihood of the turn that agreed with the picture
 constexpr double SAME_TURN = 0.25;  // turns nearer than this are one, up to the symmetry [rad]
 
-/// How all points about a model lie on it.
+/// A turn of an object, and how the points about it lie on the model then.
 struct Fit {
   Eigen::Isometry3d T_camera_object = Eigen::Isometry3d::Identity();
+  bool at_hand = false;         ///< it is the turn that agreed with the picture
   std::vector<float> squares;   ///< of the points' distances from the model's tangent planes [m^2]
   double mean_square = 0;       ///< of them [m^2]
   double contact_cost = 0;      ///< negative log likelihood of its height above the table
   std::optional<double> color;  ///< likeness of the colours
   double color_cost = 0;        ///< negative log likelihood of them
+  double cost = 0;              ///< of everything, the points included
+};
+
+/// What the turns of an object are held against.
+struct Scene {
+  const ModelIndex& index;
+  int model;
+  Surface points;        ///< about it
+  PlanarSurface source;  ///< the same
+  const ColoredPoints& colored;
+  const Table* table;  ///< null for none
 };
 
 /// How unlikely it is that a model stands on the table like this: negative log likelihood.
 double contactCost(const Surface& model, const Eigen::Isometry3d& T_camera_object,
                    const Table& table) {
-  const Eigen::Isometry3f T = T_camera_object.cast<float>();
-  double lowest = std::numeric_limits<double>::infinity();
-  for (const auto& p : model.points) lowest = std::min(lowest, heightAbove(table, T * p));
+  const double lowest = lowestAbove(table, T_camera_object, model.points);
   const double gap = std::min(std::abs(lowest), MAX_CONTACT_GAP) / CONTACT_NOISE;
   return gap * gap / 2;
 }
 
-/// ICP of the points from a start, and how they lie then. `table`: null for none.
-Fit fitOf(const NearestGrid& grid, const Surface& surface, const Eigen::Isometry3d& start,
-          const Surface& points, const PlanarSurface& source, const Table* table,
-          const RefineOptions& fine) {
-  const auto alignment = refinePose(source, grid, start, fine);
-  Fit fit;
-  fit.T_camera_object = alignment ? alignment->T_camera_object : start;
-  const Eigen::Isometry3f T_object_camera = fit.T_camera_object.inverse().cast<float>();
-  double sum = 0;
-  for (const auto& point : points.points) {
-    const Eigen::Vector3f p = T_object_camera * point;
-    const int nearest = grid.nearest(p);
-    double off = TURN_DISTANCE;
-    if (nearest >= 0) {
-      const Eigen::Vector3f away = p - surface.points[nearest];
-      if (away.norm() < TURN_DISTANCE) off = away.dot(surface.normals[nearest]);
-    }
-    fit.squares.push_back(static_cast<float>(off * off));
-    sum += off * off;
-  }
-  fit.mean_square = sum / static_cast<double>(points.size());
-  if (table) fit.contact_cost = contactCost(surface, fit.T_camera_object, *table);
-  return fit;
-}
-
 /// Turns a fit about its axis of symmetry as the colours have it, and notes how they agree.
-void spinByColor(const ModelIndex& index, int model, const ColoredPoints& colored, Fit& fit) {
+void spinByColor(const Scene& scene, Fit& fit) {
   const Eigen::Isometry3d start = fit.T_camera_object;
-  for (const auto& spin : index.sparse(model).spins) {
-    const auto color = colorLikeness(index, model, start * spin, colored, TURN_REACH);
+  for (const auto& spin : scene.index.sparse(scene.model).spins) {
+    const auto color =
+        colorLikeness(scene.index, scene.model, start * spin, scene.colored, TURN_REACH);
     if (!color) return;
     if (fit.color && *color < *fit.color + MIN_SPIN_GAIN) continue;
     fit.color = color;
     fit.T_camera_object = start * spin;
   }
   fit.color_cost = -COLOR_PATCHES * std::log(std::max(*fit.color, LEAST_LIKENESS));
+}
+
+/// Squared distances of points from the model's tangent planes [m^2].
+TABLETOP_SIMD_CLONES void squareOffsets(const Correspondences& block, float* squares) {
+  constexpr auto FAR = static_cast<float>(TURN_DISTANCE * TURN_DISTANCE);
+  for (int i = 0; i < Correspondences::SIZE; ++i) {
+    const float off =
+        block.dx[i] * block.nx[i] + block.dy[i] * block.ny[i] + block.dz[i] * block.nz[i];
+    squares[i] = block.squared[i] <= FAR ? off * off : FAR;
+  }
+}
+
+/// ICP of the points from where a fit is, and how they lie then.
+Fit fitFrom(const Fit& start, const Scene& scene, const RefineOptions& refine) {
+  const auto& grid = scene.index.grid(scene.model);
+  const auto& surface = scene.index.models()[scene.model].surface;
+  const auto alignment = refinePose(scene.source, grid, start.T_camera_object, refine);
+  Fit fit;
+  fit.at_hand = start.at_hand;
+  fit.T_camera_object = alignment ? alignment->T_camera_object : start.T_camera_object;
+  const Eigen::Isometry3f T_object_camera = fit.T_camera_object.inverse().cast<float>();
+  Correspondences block;
+  fit.squares.resize(scene.source.blocks.size() * Correspondences::SIZE);
+  for (std::size_t b = 0; b < scene.source.blocks.size(); ++b) {
+    grid.correspond(scene.source.blocks[b], T_object_camera,
+                    static_cast<float>(TURN_DISTANCE * TURN_DISTANCE), block, 0);
+    squareOffsets(block, &fit.squares[b * Correspondences::SIZE]);
+  }
+  fit.squares.resize(scene.points.size());
+  const double sum = std::accumulate(fit.squares.begin(), fit.squares.end(), 0.0);
+  fit.mean_square = sum / static_cast<double>(scene.points.size());
+  if (scene.table) fit.contact_cost = contactCost(surface, fit.T_camera_object, *scene.table);
+  spinByColor(scene, fit);
+  return fit;
 }
 
 /// The patch of each point, counted from 0; in the object's frame, where nothing depends on the
@@ -114,16 +139,21 @@ double shapeCost(const Fit& fit, const Fit& closest, const std::vector<int>& pat
   return variance > 0 ? sum * sum / variance / 2 : 0;
 }
 
-/// Negative log likelihoods.
-std::vector<double> costsOf(const std::vector<Fit>& fits, const std::vector<int>& patches) {
-  const auto& closest = *std::min_element(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) {
+/// Fits from where others are, the likeliest first.
+std::vector<Fit> fitsFrom(const std::vector<Fit>& starts, const Scene& scene,
+                          const RefineOptions& refine) {
+  std::vector<Fit> fits;
+  for (const auto& start : starts) fits.push_back(fitFrom(start, scene, refine));
+  const Fit closest = *std::min_element(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) {
     return a.mean_square < b.mean_square;
   });
-  std::vector<double> costs;
-  for (const auto& fit : fits)
-    costs.push_back(shapeCost(fit, closest, patches) + fit.contact_cost + fit.color_cost);
-  costs.front() -= TURN_AT_HAND;
-  return costs;
+  const auto patches = patchesOf(scene.points.points, starts.front().T_camera_object);
+  for (auto& fit : fits)
+    fit.cost = shapeCost(fit, closest, patches) + fit.contact_cost + fit.color_cost -
+               (fit.at_hand ? TURN_AT_HAND : 0);
+  std::stable_sort(fits.begin(), fits.end(),
+                   [](const Fit& a, const Fit& b) { return a.cost < b.cost; });
+  return fits;
 }
 
 /// The motions after which a model is as good as in the same pose. Which end of a thing of
@@ -133,16 +163,16 @@ std::vector<Eigen::Isometry3d> sameMotions(Symmetry symmetry) {
   return symmetryMotions(symmetry);
 }
 
-/// The share of the likelihood that those fits have which are the best one's pose, up to the
+/// The share of the likelihood that those fits have which are the first one's pose, up to the
 /// symmetry.
-double probabilityOf(std::size_t best, const std::vector<Fit>& fits,
-                     const std::vector<double>& costs, const Symmetry& symmetry) {
+double probabilityOfFirst(const std::vector<Fit>& fits, const Symmetry& symmetry) {
   const auto motions = sameMotions(symmetry);
-  const Eigen::Matrix3d R_best = fits[best].T_camera_object.linear();
+  const Fit& first = fits.front();
   double same = 0, all = 0;
-  for (std::size_t k = 0; k < fits.size(); ++k) {
-    const double likelihood = std::exp(costs[best] - costs[k]);
-    const Eigen::Matrix3d between = R_best.transpose() * fits[k].T_camera_object.linear();
+  for (const auto& fit : fits) {
+    const double likelihood = std::exp(first.cost - fit.cost);
+    const Eigen::Matrix3d between =
+        first.T_camera_object.linear().transpose() * fit.T_camera_object.linear();
     const bool is_same = std::any_of(motions.begin(), motions.end(), [&](const auto& motion) {
       return angleOf(motion.linear().transpose() * between) < SAME_TURN;
     });
@@ -167,19 +197,25 @@ std::optional<SettledPose> settleTurn(const ModelIndex& index, int model,
       tables.empty() ? nullptr : &tables[tableUnder(tables, centroidOf(near.points))];
   RefineOptions fine = refine;
   fine.start_distance = fine.max_distance = TURN_DISTANCE;
-  const PlanarSurface source(near);
-  const auto fit = [&](const Eigen::Isometry3d& start) {
-    return fitOf(index.grid(model), index.models()[model].surface, start, near, source, table,
-                 fine);
+  const auto sceneOf = [&](const Surface& points_about) -> Scene {
+    return {index, model, points_about, points_about, colored, table};
   };
-  std::vector<Fit> fits{fit(T_camera_object)};
-  for (const auto& turn : index.sparse(model).turns) fits.push_back(fit(T_camera_object * turn));
-  for (auto& each : fits) spinByColor(index, model, colored, each);
-  const auto costs = costsOf(fits, patchesOf(near.points, T_camera_object));
-  const auto best = std::min_element(costs.begin(), costs.end()) - costs.begin();
-  return SettledPose{fits[best].T_camera_object, std::sqrt(fits[best].mean_square),
-                     fits[best].color,
-                     probabilityOf(best, fits, costs, index.models()[model].symmetry)};
+  std::vector<Fit> fits(1);
+  fits.front().T_camera_object = T_camera_object;
+  fits.front().at_hand = true;
+  for (const auto& turn : index.sparse(model).turns) {
+    fits.emplace_back();
+    fits.back().T_camera_object = T_camera_object * turn;
+  }
+  fits = fitsFrom(fits, sceneOf(thinned(near, FEW_TURN_POINTS)), fine);
+  const double hopeless = fits.front().cost + HOPELESS;
+  fits.erase(
+      std::find_if(fits.begin(), fits.end(), [&](const Fit& fit) { return fit.cost > hopeless; }),
+      fits.end());
+  fits = fitsFrom(fits, sceneOf(near), fine);
+  const Fit& best = fits.front();
+  return SettledPose{best.T_camera_object, std::sqrt(best.mean_square), best.color,
+                     probabilityOfFirst(fits, index.models()[model].symmetry)};
 }
 
 }  // namespace tabletop_perception

@@ -27,6 +27,23 @@ inline float nanUnless(bool condition, float value) {
   return value;
 }
 
+/// So many floats side by side, which a kernel can keep in one wide register: where loops over
+/// arrays would go through memory. No function may take or return them by value.
+constexpr int FLOATS = 8;
+typedef float Floats __attribute__((vector_size(FLOATS * sizeof(float))));
+typedef std::int32_t FloatMasks __attribute__((vector_size(FLOATS * sizeof(float))));
+
+inline void load(const float* from, Floats& to) { std::memcpy(&to, from, sizeof to); }
+inline void store(const Floats& from, float* to) { std::memcpy(to, &from, sizeof from); }
+
+/// Sets to 0 the values where the mask, as comparisons give it, is false, NaN or not.
+inline void keepWhere(const FloatMasks& mask, Floats& values) {
+  FloatMasks bits;
+  std::memcpy(&bits, &values, sizeof bits);
+  bits &= mask;
+  std::memcpy(&values, &bits, sizeof bits);
+}
+
 /// Has memory fetched that a pass comes to soon, which processors do by themselves only up to the
 /// next page. Any address will do. `for_writing`: what is there will be changed.
 template <bool for_writing = false>

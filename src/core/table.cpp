@@ -37,11 +37,19 @@ constexpr double SIDE_CELL = 0.02;         // raster in which a thing's sides ar
 constexpr double SIDE_REACH = 0.03;        // how far from the outline of its top they may lie [m]
 constexpr double MIN_SIDE_SHARE = 0.3;     // of the outline with sides below: the top of a thing
 constexpr std::size_t FORWARD_STEP = 7;    // every so manieth point tells where the camera looks
+constexpr std::size_t FEW_STEP = 997;      // every so manieth point tells whether there is any
 constexpr std::size_t CARRIED_STEP = 7;    // every so manieth point tells whether a table is bare
 
 /// Every few pixels of an organised cloud, about COARSE_COLUMNS in a row.
 Cloud coarseGridOf(const Cloud& cloud) {
   return decimated(cloud, std::max(1, (cloud.width + COARSE_COLUMNS / 2) / COARSE_COLUMNS));
+}
+
+/// Whether a cloud has any valid point. A few are asked first, from all over it.
+bool hasPoint(const Cloud& cloud) {
+  for (std::size_t i = 0; i < cloud.size(); i += FEW_STEP)
+    if (cloud.valid(i)) return true;
+  return std::any_of(cloud.x.begin(), cloud.x.end(), [](float x) { return !std::isnan(x); });
 }
 
 /// Mean viewing ray of a cloud: forward, whatever the camera's convention.
@@ -403,8 +411,7 @@ std::vector<Eigen::Vector3d> hullInCamera(const Table& table) {
 Found<std::vector<Table>> findTables(const Cloud& cloud, const std::optional<Eigen::Vector3d>& up,
                                      const TableOptions& options) {
   checkOptions("table", options);
-  if (std::all_of(cloud.x.begin(), cloud.x.end(), [](float x) { return std::isnan(x); }))
-    return Found<std::vector<Table>>::none("the cloud has no valid point");
+  if (!hasPoint(cloud)) return Found<std::vector<Table>>::none("the cloud has no valid point");
   TableSearch search(cloud, up, options);
   if (options.method == "components" && cloud.organized())
     search.amongComponents();

@@ -1,6 +1,7 @@
 #include "table_surface.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -64,42 +65,65 @@ std::vector<std::uint8_t> patchesOf(const PlaneRaster& raster) {
   return in_patch;
 }
 
-/// From the first to the last point of a patch in each row of an organised cloud; of an unorganised
-/// cloud each one by itself. No other point can be a corner of the hull.
-std::vector<Stretch> patchStretches(const PlaneRaster& raster) {
+/// The points near the plane in one row of an organised cloud, or one of an unorganised cloud.
+struct TableRow {
+  Stretch near;
+  Stretch
+      patch;  ///< from the first to the last of a patch; empty, at the end of `near`, if none is
+
+  bool hasPatch() const { return patch.first <= patch.last; }
+};
+
+std::vector<TableRow> rowsOf(const PlaneRaster& raster) {
   const std::vector<std::uint8_t> in_patch = patchesOf(raster);
-  std::vector<Stretch> stretches;
-  for (auto [first, last] : raster.nearStretches()) {
+  std::vector<TableRow> rows;
+  for (const auto& near : raster.nearStretches()) {
+    auto [first, last] = near;
     while (first <= last && !in_patch[raster.cellOf(first)]) ++first;
     while (last > first && !in_patch[raster.cellOf(last)]) --last;
-    if (first <= last) stretches.push_back({first, last});
+    rows.push_back({near, {first, last}});
   }
-  return stretches;
+  return rows;
 }
 
-/// The points within `distance` of a table, in or at its hull. Of those in a stretch, between
-/// points of patches, that need not be asked.
-Indices pointsOfTable(const Cloud& cloud, const std::vector<Stretch>& stretches, const Table& table,
+/// The ends of the rows of patches: no other point can be a corner of the hull.
+std::vector<Eigen::Vector2f> outlineOf(const Cloud& cloud, const std::vector<TableRow>& rows,
+                                       const Eigen::Isometry3d& T_camera_table) {
+  const Flattener flatten(T_camera_table);
+  std::vector<Eigen::Vector2f> outline;
+  for (const auto& row : rows) {
+    if (!row.hasPatch()) continue;
+    outline.push_back(flatten(cloud, row.patch.first));
+    if (row.patch.last > row.patch.first) outline.push_back(flatten(cloud, row.patch.last));
+  }
+  return outline;
+}
+
+/// The points within `distance` of a table, in or at its hull. Of those between points of patches
+/// that need not be asked.
+Indices pointsOfTable(const Cloud& cloud, const std::vector<TableRow>& rows, const Table& table,
                       double distance) {
   const Flattener flatten(table.T_camera_table);
   const ConvexRegion region(table.hull, HULL_SLACK);
-  Indices points = pointsNearPlane(cloud, table.plane, distance);
-  auto kept = points.begin(), next = points.begin();
-  const auto keepWithinHull = [&](int end) {
-    for (; next != points.end() && *next < end; ++next) {
-      const Eigen::Vector2f p = flatten(cloud, *next);
-      if (region.contains(p.x(), p.y())) *kept++ = *next;
-    }
+  Indices points;
+  points.reserve(cloud.size());
+  const auto append = [&](int begin, int end) {
+    appendBetween(cloud, begin, end, table.plane, -distance, distance, points);
   };
-  for (const auto& [first, last] : stretches) {
-    keepWithinHull(first);
-    const auto most = std::min<std::ptrdiff_t>(points.end() - next, last - first + 1);
-    const auto end = std::upper_bound(next, next + most, last);
-    kept = std::copy(next, end, kept);
-    next = end;
+  const auto appendWithinHull = [&](int begin, int end) {
+    const auto before = static_cast<std::ptrdiff_t>(points.size());
+    append(begin, end);
+    const auto outside = [&](int i) {
+      const Eigen::Vector2f p = flatten(cloud, i);
+      return !region.contains(p.x(), p.y());
+    };
+    points.erase(std::remove_if(points.begin() + before, points.end(), outside), points.end());
+  };
+  for (const auto& [near, patch] : rows) {
+    appendWithinHull(near.first, patch.first);
+    append(patch.first, patch.last + 1);
+    appendWithinHull(patch.last + 1, near.last + 1);
   }
-  keepWithinHull(static_cast<int>(cloud.size()));
-  points.erase(kept, points.end());
   return points;
 }
 
@@ -136,17 +160,11 @@ Found<Table> tableOnPlane(const Cloud& cloud, const Cloud& sample, const Eigen::
   table.plane = fit->plane;
   table.rms = fit->rms;
   table.T_camera_table = frameOnPlane(table.plane, forward);
-  const auto stretches = patchStretches(
-      PlaneRaster(cloud, table.T_camera_table, options.distance, PATCH_CELL, MAX_CELLS));
-  const Flattener flatten(table.T_camera_table);
-  std::vector<Eigen::Vector2f> outline;
-  for (const auto& [first, last] : stretches) {
-    outline.push_back(flatten(cloud, first));
-    if (last > first) outline.push_back(flatten(cloud, last));
-  }
-  table.hull = convexHullOf(outline);
+  const auto rows =
+      rowsOf(PlaneRaster(cloud, table.T_camera_table, options.distance, PATCH_CELL, MAX_CELLS));
+  table.hull = convexHullOf(outlineOf(cloud, rows, table.T_camera_table));
   if (table.hull.empty()) return Found<Table>::none("a plane whose points lie on one line");
-  table.inliers = pointsOfTable(cloud, stretches, table, options.distance);
+  table.inliers = pointsOfTable(cloud, rows, table, options.distance);
   const Eigen::Vector2d center = centroidOfPolygon(table.hull);
   for (auto& corner : table.hull) corner -= center;
   table.T_camera_table.translate(Eigen::Vector3d(center.x(), center.y(), 0));

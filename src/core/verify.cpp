@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "lowest_point.h"
 #include "tabletop_perception/logistic.h"
 #include "tabletop_perception/surface_color.h"
 
@@ -37,28 +38,31 @@ double unlike(double color) {
   return std::log(std::clamp(color, LEAST_LIKENESS, FULL_LIKENESS) / FULL_LIKENESS);
 }
 
-/// The points of the parts that a model touches; of all parts if it touches none.
-Surface touchedParts(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
-                     const std::vector<Surface>& parts, double tolerance) {
-  Surface touched, all;
-  const auto add = [](const Surface& part, Surface& to) {
-    to.points.insert(to.points.end(), part.points.begin(), part.points.end());
-    to.normals.insert(to.normals.end(), part.normals.begin(), part.normals.end());
-  };
-  for (const auto& part : parts) {
-    add(part, all);
+/// The parts that a model touches; all of them if it touches none.
+PlanarSurface touchedParts(const ModelIndex& index, int model,
+                           const Eigen::Isometry3d& T_camera_object,
+                           const std::vector<PlanarSurface>& parts, double tolerance) {
+  PlanarSurface touched;
+  for (const auto& part : parts)
     if (explainedShare(index, model, T_camera_object, part, tolerance) >= MIN_TOUCHED)
-      add(part, touched);
-  }
-  return touched.empty() ? all : touched;
+      touched.append(part);
+  if (touched.size == 0)
+    for (const auto& part : parts) touched.append(part);
+  return touched;
+}
+
+std::vector<Eigen::Vector3f> pointsOf(const PlanarSurface& surface) {
+  std::vector<Eigen::Vector3f> points;
+  points.reserve(surface.size);
+  for (const auto& block : surface.blocks)
+    for (int i = 0; i < PlanarBlock::SIZE; ++i)
+      if (!std::isnan(block.x[i])) points.emplace_back(block.x[i], block.y[i], block.z[i]);
+  return points;
 }
 
 /// How deep a model reaches below the table's surface [m].
 double sinkOf(const Surface& model, const Eigen::Isometry3d& T_camera_object, const Table& table) {
-  const Eigen::Isometry3f T = T_camera_object.cast<float>();
-  double lowest = 0;
-  for (const auto& p : model.points) lowest = std::min(lowest, heightAbove(table, T * p));
-  return -lowest;
+  return std::max(0.0, -lowestAbove(table, T_camera_object, model.points));
 }
 
 std::string refusal(const Verification& verification, const VerifyOptions& options) {
@@ -88,21 +92,28 @@ std::string refusal(const Verification& verification, const VerifyOptions& optio
 }  // namespace
 
 Verification verifyPose(const ModelIndex& index, int model,
-                        const Eigen::Isometry3d& T_camera_object, const std::vector<Surface>& parts,
-                        const Observation& observation, const VerifyOptions& options) {
+                        const Eigen::Isometry3d& T_camera_object,
+                        const std::vector<PlanarSurface>& parts, const Observation& observation,
+                        const VerifyOptions& options) {
   checkOptions("verify", options);
-  const Surface touched = touchedParts(index, model, T_camera_object, parts, options.tolerance);
+  const PlanarSurface touched =
+      touchedParts(index, model, T_camera_object, parts, options.tolerance);
   Verification verification;
   verification.agreement =
       agreementOf(index, model, T_camera_object, touched, observation, options.tolerance);
-  if (options.color && !index.colors(model).empty())
-    verification.agreement.color = bestColorLikeness(
-        index, model, T_camera_object, coloredPoints(observation, touched.points, MAX_COLORED),
-        options.tolerance);
   if (observation.table)
     verification.sink = sinkOf(index.sparse(model).surface, T_camera_object, *observation.table);
-  verification.score = verification.agreement.score(options.tolerance);
-  verification.reason = refusal(verification, options);
+  const auto judge = [&] {
+    verification.score = verification.agreement.score(options.tolerance);
+    verification.reason = refusal(verification, options);
+  };
+  judge();
+  if (!verification.reason.empty() || !options.color || index.colors(model).empty())
+    return verification;
+  verification.agreement.color = bestColorLikeness(
+      index, model, T_camera_object, coloredPoints(observation, pointsOf(touched), MAX_COLORED),
+      options.tolerance);
+  judge();
   return verification;
 }
 

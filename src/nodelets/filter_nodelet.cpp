@@ -8,6 +8,7 @@
 
 #include "cloud_message.h"
 #include "conversions.h"
+#include "message_pool.h"
 #include "stage_nodelet.h"
 #include "tabletop_perception/FilterConfig.h"
 #include "tabletop_perception/filter.h"
@@ -31,8 +32,14 @@ class FilterNodelet : public StageNodelet {
 
   void subscribe() override {
     auto& nh = getPrivateNodeHandle();
-    input_sub_ = unpacked_ ? nh.subscribe("input", 1, &FilterNodelet::onUnpacked, this)
-                           : nh.subscribe("input", 1, &FilterNodelet::onPacked, this);
+    if (unpacked_) {
+      input_sub_ = nh.subscribe("input", 1, &FilterNodelet::onUnpacked, this);
+      return;
+    }
+    ros::SubscribeOptions options;
+    options.initByFullCallbackType<const sensor_msgs::PointCloud2ConstPtr&>(
+        "input", 1, [this](const auto& message) { onPacked(message); }, pool_);
+    input_sub_ = nh.subscribe(options);
   }
 
   void unsubscribe() override { input_sub_.shutdown(); }
@@ -80,6 +87,7 @@ class FilterNodelet : public StageNodelet {
   bool unpacked_ = false;  ///< the input comes from a nodelet of this package
   FilterOptions options_;
   std::vector<Frame> frames_;  ///< in the graph
+  MessagePool<sensor_msgs::PointCloud2> pool_;
   ros::Publisher cloud_pub_;
   ros::Subscriber input_sub_;
 };

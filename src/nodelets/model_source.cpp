@@ -38,7 +38,7 @@ const ModelIndex& ModelSource::update() {
     if (version == version_) return index_;
     clear("");
     version_ = version;  // even if the objects turn out to be of no use: until the file changes
-    index_ = ModelIndex(database_->loadAll());
+    index_ = ModelIndex(*database_);
     if (index_.empty()) reason_ = "database " + file_.string() + " holds no object";
   } catch (const DatabaseError& error) {
     database_.reset();

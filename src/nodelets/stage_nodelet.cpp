@@ -25,9 +25,11 @@ void StageNodelet::onInit() {
   updateSubscriptions();
 }
 
-/// On the queue of several threads, so that a stage that hangs is told of, too.
+/// On the process's own queue, so that a stage that hangs is told of, too. The nodelet's queues
+/// will not do: one that is unloaded while it works is destroyed after the other of its two queues.
 void StageNodelet::startDiagnostics() {
-  auto& nh = getMTPrivateNodeHandle();
+  ros::NodeHandle nh(getPrivateNodeHandle());
+  nh.setCallbackQueue(nullptr);
   diagnostics_ = std::make_unique<diagnostic_updater::Updater>(nh, nh, getName());
   diagnostics_->setHardwareID("none");
   diagnostics_->add("frames", [this](auto& status) { health_.fill(status); });

@@ -52,11 +52,11 @@ std::optional<Eigen::Vector3d> statedUp(const SceneArguments& arguments) {
 }
 
 ModelIndex loadModels(const std::string& database) {
-  auto models = ObjectDatabase(database, ObjectDatabase::Mode::READ).loadAll();
+  ModelIndex models(ObjectDatabase(database, ObjectDatabase::Mode::READ));
   if (models.empty())
     throw std::invalid_argument(database +
                                 ": no object in the database; `tabletop train` adds one");
-  return ModelIndex(std::move(models));
+  return models;
 }
 
 OutputFolder::OutputFolder(fs::path folder) : folder_(std::move(folder)) {

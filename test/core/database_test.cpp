@@ -264,6 +264,17 @@ TEST_F(Database, ReaderSeesAChangeOfAnotherConnection) {
   EXPECT_GT(reader.version(), stored);
 }
 
+TEST_F(Database, IsFreeForWritersBetweenTheObjectsThatAReaderVisits) {
+  ObjectDatabase writer(file_, Mode::WRITE);
+  for (const char* name : {"a", "b", "c"}) writer.store(randomModel(name, 1));
+  std::vector<std::string> visited;
+  ObjectDatabase(file_, Mode::READ).visitAll([&](const ObjectModel& model) {
+    visited.push_back(model.name);
+    if (model.name == "a") EXPECT_TRUE(writer.remove("b"));
+  });
+  EXPECT_EQ(visited, (std::vector<std::string>{"a", "c"}));
+}
+
 TEST_F(Database, ReaderSeesAChangeOfAnotherProcess) {
   ObjectDatabase(file_, Mode::WRITE).store(randomModel("milk", 1));
   // in children only: a process may not carry an open SQLite connection through a fork
