@@ -63,6 +63,15 @@ Cloud selectPositions(const Cloud& cloud, const Indices& indices);
 /// Every step-th pixel of every step-th row of an organised cloud, without colours.
 Cloud decimated(const Cloud& cloud, int step);
 
+/// A rectangle of pixels that lies in the image.
+struct PixelRectangle {
+  int column = 0, row = 0;    ///< of its first pixel
+  int width = 0, height = 0;  ///< [pixels]
+};
+
+/// The same of a part of the image, with its colours.
+Cloud decimated(const Cloud& cloud, const PixelRectangle& part, int step);
+
 /// The same grid with every point dropped that is not among `indices`.
 Cloud keepPoints(const Cloud& cloud, const Indices& indices);
 

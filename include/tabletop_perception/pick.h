@@ -48,6 +48,7 @@ struct CloudWindow {
   Cloud cloud;
   Indices source;           ///< unorganised: of the whole cloud, one per point
   int column = 0, row = 0;  ///< organised: of the whole cloud, where its first pixel lies
+  int step = 1;             ///< organised: between its pixels in the whole cloud
   int whole_width = 0;      ///< organised: of the whole cloud
 
   /// Index in the whole cloud.
@@ -55,13 +56,20 @@ struct CloudWindow {
 };
 
 /// What the camera saw around a point: of an organised cloud the rectangle of pixels that holds
-/// every point within `reach` [m], with all that lies in it; of an unorganised one those points.
-CloudWindow windowAround(const Cloud& cloud, const Eigen::Vector3f& point, double reach);
+/// every point within `reach` [m], every step-th pixel and row of it; of an unorganised one those
+/// points.
+CloudWindow windowAround(const Cloud& cloud, const Eigen::Vector3f& point, double reach,
+                         int step = 1);
+
+/// Every pixel of what a window of an organised cloud shows.
+CloudWindow withEveryPixel(const Cloud& cloud, const CloudWindow& window);
 
 /// Which of the clusters somebody means who points at `point`: the one with the nearest point, not
 /// the one with the nearest centroid, which of a large thing may be farther away than that of a
-/// small one beside it. None, with the reason, for a point in the air, on a table, or on what
-/// stands on none. `cloud`: what the clusters' points belong to.
+/// small one beside it. A point that is on none of them but all around which the nearest one lies
+/// belongs to that, with the reason why it is on none: the bottom of a bowl is as low as the table.
+/// None, with the reason, for a point in the air, on a table, or on what stands on none. `cloud`:
+/// what the clusters' points belong to.
 Found<int> clusterAt(const Cloud& cloud, const std::vector<Indices>& clusters,
                      const Eigen::Vector3f& point, const std::vector<Table>& tables,
                      const TableOptions& table_options, const PickOptions& options);

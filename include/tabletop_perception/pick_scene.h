@@ -24,7 +24,7 @@ namespace tabletop_perception {
 struct Pick {
   Eigen::Vector3f point;          ///< that was pointed at [m]
   Table table;                    ///< that the thing stands on, without its points
-  CloudWindow window;             ///< what the camera saw around the point
+  CloudWindow window;             ///< what the camera saw around the point, some pixels of it
   std::vector<Indices> clusters;  ///< of the window: the thing, then what it was cut from
   GraspSurface surface;
   Box box;  ///< about what is seen of the thing; about the whole model once it is recognised
@@ -34,10 +34,12 @@ struct Pick {
   const Indices& thing() const { return clusters.front(); }
 };
 
-/// The thing's points in the whole cloud, ascending; empty where a voxel grid thinned the window.
+/// The window's points of the thing in the whole cloud, ascending; empty where a voxel grid thinned
+/// the window.
 Indices pickedPoints(const Pick& pick);
 
-/// Finds the thing at `point` of a cropped cloud with known tables.
+/// Finds the thing at `point` of a cropped cloud with known tables. Of a fine image some pixels are
+/// enough to find a thing and a frame by: those alone are in the window.
 Found<Pick> pickThing(const Cloud& cloud, const Eigen::Vector3f& point,
                       const std::vector<Table>& tables, const PipelineOptions& options);
 
@@ -46,9 +48,14 @@ Found<Pick> pickThing(const Cloud& cloud, const Eigen::Vector3f& point,
 Found<Pick> pickInScene(const Cloud& cloud, const Eigen::Vector3f& point,
                         const std::optional<Eigen::Vector3d>& up, const PipelineOptions& options);
 
-/// What the thing is, by the stages of the recogniser: its cluster alone or, where that resembles
-/// nothing, with what it was cut from. Of several objects in it the one nearest to the point.
-/// "unknown" with the reason where no object of the index stands up to the limits.
+/// The same pick with every pixel of the cropped cloud that it was made from in its window and in
+/// its clusters: what recognition needs, and who counts points.
+Pick atFullResolution(const Cloud& cloud, Pick pick);
+
+/// What the thing of a pick at full resolution is, by the stages of the recogniser: its cluster
+/// alone or, where that resembles nothing, with what it was cut from. Of several objects in it the
+/// one nearest to the point. "unknown" with the reason where no object of the index stands up to
+/// the limits.
 SceneObject recognizePick(const Pick& pick, const ModelIndex& index,
                           const PipelineOptions& options);
 

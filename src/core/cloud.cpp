@@ -84,12 +84,59 @@ Cloud selectPoints(const Cloud& cloud, const Indices& indices) {
   return selected;
 }
 
+namespace {
+
+/// Copies every STEP-th value: a compiler makes vector code of steps that it knows.
+template <int STEP, typename Value>
+void copyEvery(const Value* from, int count, Value* to) {
+  for (int i = 0; i < count; ++i) to[i] = from[i * STEP];
+}
+
+template <typename Value>
+void copyEvery(int step, const Value* from, int count, Value* to) {
+  switch (step) {
+    case 1:
+      return std::copy_n(from, count, to), void();
+    case 2:
+      return copyEvery<2>(from, count, to);
+    case 3:
+      return copyEvery<3>(from, count, to);
+  }
+  for (int i = 0; i < count; ++i) to[i] = from[i * step];
+}
+
+/// Every step-th value of every step-th row of a part of an image of `whole_width` columns.
+template <typename Value>
+std::vector<Value> decimated(const std::vector<Value>& values, int whole_width,
+                             const PixelRectangle& part, int step) {
+  const int columns = (part.width + step - 1) / step;
+  std::vector<Value> kept(static_cast<std::size_t>(columns) * ((part.height + step - 1) / step));
+  Value* to = kept.data();
+  for (int row = part.row; row < part.row + part.height; row += step, to += columns)
+    copyEvery(step, &values[static_cast<std::size_t>(row) * whole_width + part.column], columns,
+              to);
+  return kept;
+}
+
+Cloud decimatedPositions(const Cloud& cloud, const PixelRectangle& part, int step) {
+  Cloud coarse;
+  coarse.width = (part.width + step - 1) / step;
+  coarse.height = (part.height + step - 1) / step;
+  coarse.x = decimated(cloud.x, cloud.width, part, step);
+  coarse.y = decimated(cloud.y, cloud.width, part, step);
+  coarse.z = decimated(cloud.z, cloud.width, part, step);
+  return coarse;
+}
+
+}  // namespace
+
 Cloud decimated(const Cloud& cloud, int step) {
-  Cloud coarse((cloud.width + step - 1) / step, (cloud.height + step - 1) / step, false);
-  for (int row = 0; row < coarse.height; ++row)
-    for (int column = 0; column < coarse.width; ++column)
-      coarse.setPoint(row * coarse.width + column,
-                      cloud.point(row * step * cloud.width + column * step));
+  return decimatedPositions(cloud, {0, 0, cloud.width, cloud.height}, step);
+}
+
+Cloud decimated(const Cloud& cloud, const PixelRectangle& part, int step) {
+  Cloud coarse = decimatedPositions(cloud, part, step);
+  if (cloud.colored()) coarse.rgb = decimated(cloud.rgb, cloud.width, part, step);
   return coarse;
 }
 

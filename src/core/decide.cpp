@@ -32,8 +32,9 @@ constexpr double SETTLED_COLOR_GAIN = 1.25;  // by which it may make colours mor
 constexpr double MIN_LEFT_SHARE = 0.15;      // of a cluster that is worth another look
 constexpr double FOLLOWED_SHIFT = 0.01;      // farthest that a thing at rest seems to move [m]
 constexpr double FOLLOWED_TURN = 0.1;        // [rad]
-constexpr double AS_GOOD = 0.9;        // agreement of what is followed, of what it was decided by
-constexpr double MIN_MET_SHARE = 0.2;  // of a part that an expected object may show
+constexpr double AS_GOOD = 0.9;  // agreement of what is followed, of what it was decided by
+constexpr double MIN_MET_SHARE =
+    0.2;  // of a part that an expected object explains if it may show it
 
 /// The parts of some clusters, or what is left of them.
 struct Parts {
@@ -416,8 +417,8 @@ class Decision {
 
   double liftOf(const Hypothesis& hypothesis) const {
     return tabletop_perception::liftOf(index_, hypothesis.model, hypothesis.T_camera_object,
-                                       samples_.parts, hypothesis.explained, tables_,
-                                       &observations_);
+                                       samples_.parts, hypothesis.explained, observations_,
+                                       tables_);
   }
 
   void noteRefusal(const Hypothesis& hypothesis, const std::string& refusal) {

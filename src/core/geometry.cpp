@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <iterator>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -12,6 +11,7 @@
 #include <Eigen/Eigenvalues>
 #include <opencv2/imgproc.hpp>
 
+#include "simd.h"
 #include "voxel_numbers.h"
 
 namespace tabletop_perception {
@@ -125,56 +125,105 @@ Eigen::Matrix3d principalAxes(const std::vector<Eigen::Vector3f>& points) {
   return solver.eigenvectors().rowwise().reverse();
 }
 
+/// Points as three arrays, from an origin near them, where single precision is enough [m].
+struct PlanarPoints {
+  Eigen::Vector3f origin;
+  std::vector<float> x, y, z;
+
+  explicit PlanarPoints(const std::vector<Eigen::Vector3f>& points)
+      : origin(points.front()), x(points.size()), y(points.size()), z(points.size()) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      x[i] = points[i].x() - origin.x();
+      y[i] = points[i].y() - origin.y();
+      z[i] = points[i].z() - origin.z();
+    }
+  }
+};
+
+TABLETOP_SIMD_CLONES
+void placesAlong(const float* x, const float* y, const float* z, std::size_t count,
+                 const float* axis, float* places) {
+  for (std::size_t i = 0; i < count; ++i)
+    places[i] = axis[0] * x[i] + (axis[1] * y[i] + axis[2] * z[i]);
+}
+
+/// Where the points lie along an axis, from their origin.
+std::vector<float> placesAlong(const PlanarPoints& points, const Eigen::Vector3d& axis) {
+  const Eigen::Vector3f direction = axis.cast<float>();
+  std::vector<float> places(points.x.size());
+  placesAlong(points.x.data(), points.y.data(), points.z.data(), places.size(), direction.data(),
+              places.data());
+  return places;
+}
+
+constexpr std::size_t LANES = 8;  // points that a kernel takes at once
+
+/// A point of the greatest a x + b y, of at least one.
+TABLETOP_SIMD_CLONES
+std::size_t farthestAlong(const float* x, const float* y, std::size_t count, float a, float b) {
+  float most[LANES];
+  int where[LANES] = {};
+  for (std::size_t l = 0; l < LANES; ++l) most[l] = a * x[0] + b * y[0];
+  const std::size_t whole = count / LANES * LANES;
+  for (std::size_t i = 0; i < whole; i += LANES)
+    for (std::size_t l = 0; l < LANES; ++l) {
+      const float value = a * x[i + l] + b * y[i + l];
+      const bool farther = value > most[l];
+      most[l] = farther ? value : most[l];
+      where[l] = farther ? static_cast<int>(i + l) : where[l];
+    }
+  const std::size_t lane = std::max_element(most, most + LANES) - most;
+  std::size_t farthest = where[lane];
+  for (std::size_t i = whole; i < count; ++i)
+    if (a * x[i] + b * y[i] > a * x[farthest] + b * y[farthest]) farthest = i;
+  return farthest;
+}
+
+/// Takes the marks off the points that do not lie to the left of the way from one point to another.
+TABLETOP_SIMD_CLONES
+void keepLeftOf(const float* x, const float* y, std::size_t count, cv::Point2f from, cv::Point2f to,
+                std::uint8_t* inside) {
+  const float a = to.x - from.x, b = to.y - from.y;
+  for (std::size_t i = 0; i < count; ++i)
+    inside[i] &= a * (y[i] - from.y) - b * (x[i] - from.x) > 0;
+}
+
 /// The points without those inside the octagon of the outermost ones (Akl & Toussaint 1978), which
 /// is most of them: a hull is made by sorting all that it is given.
-std::vector<cv::Point2f> outerPoints(const std::vector<cv::Point2f>& points) {
-  // Along x, x + y, y, y - x and back: counter-clockwise.
-  std::array<cv::Point2f, 8> corners;
-  corners.fill(points.front());
-  for (const auto& p : points) {
-    if (p.x > corners[0].x) corners[0] = p;
-    if (p.x + p.y > corners[1].x + corners[1].y) corners[1] = p;
-    if (p.y > corners[2].y) corners[2] = p;
-    if (p.y - p.x > corners[3].y - corners[3].x) corners[3] = p;
-    if (p.x < corners[4].x) corners[4] = p;
-    if (p.x + p.y < corners[5].x + corners[5].y) corners[5] = p;
-    if (p.y < corners[6].y) corners[6] = p;
-    if (p.y - p.x < corners[7].y - corners[7].x) corners[7] = p;
-  }
-  const auto inside = [&](const cv::Point2f& p) {
-    for (std::size_t k = 0; k < corners.size(); ++k) {
-      const cv::Point2f from = corners[k], to = corners[(k + 1) % corners.size()];
-      if (from != to && (to - from).cross(p - from) <= 0) return false;
-    }
-    return true;
+std::vector<cv::Point2f> outerPoints(const std::vector<float>& x, const std::vector<float>& y) {
+  const auto farthest = [&](float a, float b) {
+    const std::size_t i = farthestAlong(x.data(), y.data(), x.size(), a, b);
+    return cv::Point2f(x[i], y[i]);
   };
-  std::vector<cv::Point2f> outer;
-  std::copy_if(points.begin(), points.end(), std::back_inserter(outer),
-               [&](const cv::Point2f& p) { return !inside(p); });
-  return outer.empty() ? points : outer;  // all are one
+  const std::array<cv::Point2f, 8> corners = {// counter-clockwise
+                                              farthest(1, 0),  farthest(1, 1),  farthest(0, 1),
+                                              farthest(-1, 1), farthest(-1, 0), farthest(-1, -1),
+                                              farthest(0, -1), farthest(1, -1)};
+  std::vector<std::uint8_t> inside(x.size(), 1);
+  for (std::size_t k = 0; k < corners.size(); ++k) {
+    const cv::Point2f from = corners[k], to = corners[(k + 1) % corners.size()];
+    if (from != to) keepLeftOf(x.data(), y.data(), x.size(), from, to, inside.data());
+  }
+  std::vector<cv::Point2f> outer(corners.begin(), corners.end());
+  for (std::size_t i = 0; i < x.size(); ++i)
+    if (!inside[i]) outer.emplace_back(x[i], y[i]);
+  return outer;
 }
 
 /// Columns: the sides of the least rectangle about the points as seen along `up`, then `up`.
 /// Principal axes would be drawn aside wherever the camera sees more of one side than of the other.
-Eigen::Matrix3d uprightAxes(const std::vector<Eigen::Vector3f>& points, const Eigen::Vector3d& up) {
+Eigen::Matrix3d uprightAxes(const PlanarPoints& points, const Eigen::Vector3d& up) {
   const Eigen::Vector3d u = up.unitOrthogonal(), v = up.cross(u);
-  const Eigen::Vector3d origin = points.front().cast<double>();  // near: OpenCV works in floats
-  std::vector<cv::Point2f> flat;
-  flat.reserve(points.size());
-  for (const auto& p : points) {
-    const Eigen::Vector3d d = p.cast<double>() - origin;
-    flat.emplace_back(static_cast<float>(u.dot(d)), static_cast<float>(v.dot(d)));
-  }
   std::array<cv::Point2f, 4> corners;
-  cv::minAreaRect(outerPoints(flat)).points(corners.data());
+  cv::minAreaRect(outerPoints(placesAlong(points, u), placesAlong(points, v)))
+      .points(corners.data());
   const cv::Point2f a = corners[1] - corners[0], b = corners[2] - corners[1];
   const cv::Point2f side = cv::norm(a) > cv::norm(b) ? a : b;
   const Eigen::Vector3d along = side.x * u + side.y * v;
-  Eigen::Matrix3d axes;
-  axes.col(0) = along.norm() > 0 ? Eigen::Vector3d(along.normalized()) : u;
-  axes.col(2) = up;
-  axes.col(1) = up.cross(axes.col(0));
-  return axes;
+  frame.axes.col(0) = along.norm() > 0 ? Eigen::Vector3d(along.normalized()) : u;
+  frame.axes.col(2) = up;
+  frame.axes.col(1) = up.cross(frame.axes.col(0));
+  return frame;
 }
 
 }  // namespace
@@ -183,16 +232,16 @@ Box boxAround(const std::vector<Eigen::Vector3f>& points,
               const std::optional<Eigen::Vector3d>& up) {
   Box box;
   if (points.empty()) return box;
-  Eigen::Matrix3d axes = up ? uprightAxes(points, *up) : principalAxes(points);
+  const PlanarPoints planar(points);
+  const Eigen::Matrix3d axes = up ? uprightAxes(planar, *up) : principalAxes(points);
 
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::max());
-  Eigen::Vector3d high = -low;
-  for (const auto& p : points) {
-    const Eigen::Vector3d q = axes.transpose() * p.cast<double>();
-    low = low.cwiseMin(q);
-    high = high.cwiseMax(q);
+  Eigen::Vector3d low, high;
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto places = placesAlong(planar, axes.col(axis));
+    low[axis] = places[farthestAlong(places.data(), places.data(), places.size(), -1, 0)];
+    high[axis] = places[farthestAlong(places.data(), places.data(), places.size(), 1, 0)];
   }
-  const Eigen::Vector3d center = axes * (low + high) / 2;
+  const Eigen::Vector3d center = planar.origin.cast<double>() + axes * (low + high) / 2;
   const Eigen::Vector3d size = high - low;
 
   std::array<int, 3> order{0, 1, 2};

@@ -30,12 +30,11 @@ bool isSeenThrough(const Observation& observation, const std::vector<Eigen::Vect
   return past > there;
 }
 
-/// Whether points that an object does not explain lie right under it, and what carries them is not
-/// air: a part of something long that is held above the table. `surface`: of the object;
-/// `lowest`: height of its lowest point [m].
+/// Whether points that an object does not explain lie right under it, and not all that there is
+/// under these is air. `surface`: of the object; `lowest`: height of its lowest point [m].
 bool isCarried(const std::vector<Eigen::Vector3f>& surface, double lowest,
-               const std::vector<Surface>& parts, const Marks& explained, const Table& table,
-               const Observations* observations) {
+               const std::vector<Surface>& parts, const Marks& explained,
+               const Observations& observations, const Table& table) {
   if (lowest < UNDERSIDE) return false;
   const Eigen::Vector3f up = table.plane.head<3>().cast<float>();
   std::vector<Eigen::Vector3f> foot, below;  // `below`: half-way down to the table
@@ -46,8 +45,7 @@ bool isCarried(const std::vector<Eigen::Vector3f>& surface, double lowest,
     below.push_back(p - static_cast<float>(heightAbove(table, p) / 2) * up);
     about.extend(p);
   }
-  if (foot.empty()) return false;
-  if (observations && isSeenThrough(observations->about(centroidOf(foot)), below)) return false;
+  if (foot.empty() || isSeenThrough(observations.about(centroidOf(foot)), below)) return false;
   const auto reach = Eigen::Vector3f::Constant(CARRIER_NEAR + 2 * UNDERSIDE);
   about = Eigen::AlignedBox3f(about.min() - reach, about.max() + reach);
   const auto isUnder = [&](const Eigen::Vector3f& p) {
@@ -70,14 +68,14 @@ bool isCarried(const std::vector<Eigen::Vector3f>& surface, double lowest,
 
 double liftOf(const ModelIndex& index, int model, const Eigen::Isometry3d& T_camera_object,
               const std::vector<Surface>& parts, const Marks& explained,
-              const std::vector<Table>& tables, const Observations* observations) {
+              const Observations& observations, const std::vector<Table>& tables) {
   if (tables.empty()) return 0;
   const Eigen::Isometry3f T = T_camera_object.cast<float>();
   std::vector<Eigen::Vector3f> surface;
   for (const auto& p : index.sparse(model).surface.points) surface.push_back(T * p);
   const Table& table = tables[tableUnder(tables, centroidOf(surface))];
   const double lowest = lowestAbove(table, T_camera_object, index.models()[model].surface.points);
-  return isCarried(surface, lowest, parts, explained, table, observations) ? 0 : lowest;
+  return isCarried(surface, lowest, parts, explained, observations, table) ? 0 : lowest;
 }
 
 }  // namespace tabletop_perception

@@ -1,6 +1,7 @@
 #include "tabletop_perception/pick.h"
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -9,6 +10,7 @@
 #include "format.h"
 #include "main_plane.h"
 #include "plane_fit.h"
+#include "simd.h"
 #include "tabletop_perception/geometry.h"
 
 namespace tabletop_perception {
@@ -32,18 +34,50 @@ std::string noDepth(const Eigen::Vector2d& pixel, int window) {
                 pixel.y());
 }
 
-struct Nearest {
-  int index = -1;
-  float squared_distance = std::numeric_limits<float>::infinity();  ///< [m^2]
-
-  void offer(int i, float squared) {
-    if (squared < squared_distance) *this = {i, squared};
+TABLETOP_SIMD_CLONES
+void squaredDistances(const float* x, const float* y, const float* z, std::size_t count,
+                      const float* point, float* squared) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float dx = x[i] - point[0], dy = y[i] - point[1], dz = z[i] - point[2];
+    squared[i] = dx * dx + (dy * dy + dz * dz);
   }
-  double distance() const { return std::sqrt(static_cast<double>(squared_distance)); }
-};
+}
 
-float squaredDistance(const Cloud& cloud, int i, const Eigen::Vector3f& point) {
-  return (cloud.point(i) - point).squaredNorm();
+/// Of each point from another one [m^2]; NaN where there is none.
+std::vector<float> squaredDistances(const Cloud& cloud, const Eigen::Vector3f& point) {
+  std::vector<float> squared(cloud.size());
+  squaredDistances(cloud.x.data(), cloud.y.data(), cloud.z.data(), cloud.size(), point.data(),
+                   squared.data());
+  return squared;
+}
+
+/// The least of some values, of those that are not NaN; infinite without any.
+TABLETOP_SIMD_CLONES
+float leastOf(const float* values, std::size_t count) {
+  constexpr std::size_t LANES = 8;
+  float least[LANES];
+  for (float& lane : least) lane = std::numeric_limits<float>::infinity();
+  const std::size_t whole = count / LANES * LANES;
+  for (std::size_t i = 0; i < whole; i += LANES)
+    for (std::size_t l = 0; l < LANES; ++l)
+      least[l] = values[i + l] < least[l] ? values[i + l] : least[l];
+  for (std::size_t i = whole; i < count; ++i)
+    least[0] = values[i] < least[0] ? values[i] : least[0];
+  return *std::min_element(least, least + LANES);
+}
+
+/// Whether points of a cluster lie all around a point, as seen from above.
+bool surrounds(const Cloud& cloud, const Indices& cluster, const Eigen::Vector3f& point,
+               const Table& table) {
+  constexpr int SECTORS = 12;
+  const Eigen::Matrix3f R_table_camera = table.T_camera_table.linear().transpose().cast<float>();
+  std::bitset<SECTORS> sectors;
+  for (const int i : cluster) {
+    const Eigen::Vector3f d = R_table_camera * (cloud.point(i) - point);
+    const double turns = std::atan2(d.y(), d.x()) / (2 * M_PI) + 0.5;
+    sectors.set(std::min(SECTORS - 1, static_cast<int>(turns * SECTORS)));
+  }
+  return sectors.all();
 }
 
 /// Why a point that belongs to no cluster is no thing's. `seen`: what the camera saw there.
@@ -140,7 +174,7 @@ Found<Eigen::Vector3f> pointAtPixel(const Cloud& cloud, const Projection& projec
 
 int CloudWindow::sourceOf(int i) const {
   if (!cloud.organized()) return source[i];
-  return (row + i / cloud.width) * whole_width + column + i % cloud.width;
+  return (row + step * (i / cloud.width)) * whole_width + column + step * (i % cloud.width);
 }
 
 namespace {
@@ -148,76 +182,147 @@ namespace {
 CloudWindow pointsAround(const Cloud& cloud, const Eigen::Vector3f& point, float squared_reach) {
   CloudWindow window;
   for (int i = 0; i < static_cast<int>(cloud.size()); ++i)
-    if (squaredDistance(cloud, i, point) <= squared_reach) window.source.push_back(i);  // not NaN
+    if ((cloud.point(i) - point).squaredNorm() <= squared_reach)  // not for NaN
+      window.source.push_back(i);
   window.cloud = selectPoints(cloud, window.source);
   return window;
 }
 
-/// Rows of the part of a grid one after the other.
-template <typename Value>
-std::vector<Value> partOf(const std::vector<Value>& values, int whole_width, int column, int row,
-                          int width, int height) {
-  std::vector<Value> part;
-  part.reserve(static_cast<std::size_t>(width) * height);
-  for (int v = row; v < row + height; ++v) {
-    const auto begin = values.begin() + static_cast<std::ptrdiff_t>(v) * whole_width + column;
-    part.insert(part.end(), begin, begin + width);
+/// Squared distances from the sensor; infinite where there is no point.
+TABLETOP_SIMD_CLONES
+void squaredRanges(const float* x, const float* y, const float* z, std::size_t count,
+                   float* squared) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float range = x[i] * x[i] + (y[i] * y[i] + z[i] * z[i]);
+    squared[i] = range < std::numeric_limits<float>::infinity()
+                     ? range
+                     : std::numeric_limits<float>::infinity();
   }
-  return part;
+}
+
+TABLETOP_SIMD_CLONES
+void takeLesser(const float* values, std::size_t count, float* least) {
+  for (std::size_t i = 0; i < count; ++i) least[i] = values[i] < least[i] ? values[i] : least[i];
+}
+
+/// Marks the blocks of `step` values of which the least is far below the first of `firsts`.
+TABLETOP_SIMD_CLONES
+void markForeground(const float* least, const float* firsts, int blocks, int step,
+                    std::uint8_t* marks) {
+  constexpr float NEARER = 0.98f * 0.98f;  // of the range, squared
+  for (int b = 0; b < blocks; ++b) marks[b] = 0;
+  for (int k = 0; k < step; ++k)
+    if (step == 2)  // a step that is known makes vector code
+      for (int b = 0; b < blocks; ++b) marks[b] |= least[2 * b + k] < NEARER * firsts[2 * b];
+    else
+      for (int b = 0; b < blocks; ++b) marks[b] |= least[step * b + k] < NEARER * firsts[step * b];
+}
+
+/// Puts the nearest pixel of each block of step x step into its first one's place where a step in
+/// depth runs through it: walls of a few pixels stay whole. `coarse`: the first ones.
+void takeForeground(const Cloud& cloud, const PixelRectangle& part, int step, Cloud& coarse) {
+  // Rows of a block one after the other, lengthened to whole blocks.
+  const std::size_t width = static_cast<std::size_t>(coarse.width) * step;
+  constexpr float NOWHERE = std::numeric_limits<float>::infinity();
+  std::vector<float> ranges(width * step, NOWHERE), least(width, NOWHERE);
+  std::vector<std::uint8_t> marks(coarse.width);
+  for (int row = 0; row < coarse.height; ++row) {
+    const int rows = std::min(step, part.height - row * step);
+    const auto first = static_cast<std::size_t>(part.row + row * step) * cloud.width + part.column;
+    for (int v = 0; v < rows; ++v) {
+      const std::size_t i = first + static_cast<std::size_t>(v) * cloud.width;
+      squaredRanges(&cloud.x[i], &cloud.y[i], &cloud.z[i], part.width, &ranges[v * width]);
+    }
+    std::copy_n(ranges.begin(), width, least.begin());
+    for (int v = 1; v < rows; ++v) takeLesser(&ranges[v * width], width, least.data());
+    markForeground(least.data(), ranges.data(), coarse.width, step, marks.data());
+    for (int column = 0; column < coarse.width; ++column) {
+      if (!marks[column]) continue;
+      std::size_t nearest = 0;  // of the block
+      float nearest_range = NOWHERE;
+      for (int v = 0; v < rows; ++v)
+        for (int u = column * step; u < (column + 1) * step; ++u) {
+          const float range = ranges[v * width + u];
+          if (range >= nearest_range) continue;
+          nearest_range = range;
+          nearest = first + static_cast<std::size_t>(v) * cloud.width + u;
+        }
+      const int cell = row * coarse.width + column;
+      coarse.setPoint(cell, cloud.point(nearest));
+      if (coarse.colored()) coarse.rgb[cell] = cloud.rgb[nearest];
+    }
+  }
+}
+
+CloudWindow windowOf(const Cloud& cloud, const PixelRectangle& part, int step) {
+  CloudWindow window;
+  window.cloud = decimated(cloud, part, step);
+  if (step > 1) takeForeground(cloud, part, step, window.cloud);
+  window.column = part.column;
+  window.row = part.row;
+  window.step = step;
+  window.whole_width = cloud.width;
+  return window;
 }
 
 }  // namespace
 
-CloudWindow windowAround(const Cloud& cloud, const Eigen::Vector3f& point, double reach) {
+CloudWindow windowAround(const Cloud& cloud, const Eigen::Vector3f& point, double reach, int step) {
   const auto squared_reach = static_cast<float>(reach * reach);
   if (!cloud.organized()) return pointsAround(cloud, point, squared_reach);
   int left = cloud.width, right = -1, top = cloud.height, bottom = -1;
   for (int v = 0; v < cloud.height; v += SCAN_STEP)
     for (int u = 0; u < cloud.width; u += SCAN_STEP) {
-      if (!(squaredDistance(cloud, v * cloud.width + u, point) <= squared_reach)) continue;
+      if (!((cloud.point(v * cloud.width + u) - point).squaredNorm() <= squared_reach)) continue;
       left = std::min(left, u), right = std::max(right, u);
       top = std::min(top, v), bottom = v;
     }
-  CloudWindow window;
-  window.whole_width = cloud.width;
-  if (right < left) return window;
-  window.column = std::max(0, left - SCAN_STEP);
-  window.row = std::max(0, top - SCAN_STEP);
-  const int width = std::min(cloud.width, right + SCAN_STEP + 1) - window.column;
-  const int height = std::min(cloud.height, bottom + SCAN_STEP + 1) - window.row;
-  const auto part = [&](const auto& values) {
-    return partOf(values, cloud.width, window.column, window.row, width, height);
-  };
-  window.cloud.width = width;
-  window.cloud.height = height;
-  window.cloud.x = part(cloud.x);
-  window.cloud.y = part(cloud.y);
-  window.cloud.z = part(cloud.z);
-  if (cloud.colored()) window.cloud.rgb = part(cloud.rgb);
-  return window;
+  if (right < left) return windowOf(cloud, {}, step);
+  left = std::max(0, left - SCAN_STEP);
+  top = std::max(0, top - SCAN_STEP);
+  return windowOf(cloud,
+                  {left, top, std::min(cloud.width, right + SCAN_STEP + 1) - left,
+                   std::min(cloud.height, bottom + SCAN_STEP + 1) - top},
+                  step);
+}
+
+CloudWindow withEveryPixel(const Cloud& cloud, const CloudWindow& window) {
+  return windowOf(cloud,
+                  {window.column, window.row,
+                   std::min(cloud.width - window.column, window.step * window.cloud.width),
+                   std::min(cloud.height - window.row, window.step * window.cloud.height)},
+                  1);
 }
 
 Found<int> clusterAt(const Cloud& cloud, const std::vector<Indices>& clusters,
                      const Eigen::Vector3f& point, const std::vector<Table>& tables,
                      const TableOptions& table_options, const PickOptions& options) {
-  Nearest seen;
-  for (int i = 0; i < static_cast<int>(cloud.size()); ++i)
-    seen.offer(i, squaredDistance(cloud, i, point));  // NaN is never nearer
-  if (seen.index < 0 || seen.distance() > options.max_distance)
+  const auto squared = squaredDistances(cloud, point);
+  const float least = leastOf(squared.data(), squared.size());
+  const double seen = std::sqrt(least);  // how far off the nearest that the camera saw is
+  if (!(seen <= options.max_distance))
     return Found<int>::none(
-        seen.index < 0
+        std::isinf(least)
             ? format("in the air: the camera saw nothing within %.2f m of the point", options.reach)
-            : format("in the air: the nearest that the camera saw is %.3f m away, limit %.3f",
-                     seen.distance(), options.max_distance));
-  Nearest thing;
-  int cluster = -1;
+            : format("in the air: the nearest that the camera saw is %.3f m away, limit %.3f", seen,
+                     options.max_distance));
+  int nearest = -1;
+  float least_of_things = std::numeric_limits<float>::infinity();
   for (std::size_t k = 0; k < clusters.size(); ++k)
     for (const int i : clusters[k]) {
-      thing.offer(i, squaredDistance(cloud, i, point));
-      if (thing.index == i) cluster = static_cast<int>(k);
+      if (squared[i] >= least_of_things) continue;
+      least_of_things = squared[i];
+      nearest = static_cast<int>(k);
     }
-  if (cluster >= 0 && thing.distance() <= seen.distance() + AT_EDGE) return cluster;
-  return Found<int>::none(nothingAt(cloud.point(seen.index), tables, table_options));
+  if (nearest >= 0 && std::sqrt(least_of_things) <= seen + AT_EDGE) return nearest;
+  const Eigen::Vector3f there =
+      cloud.point(std::find(squared.begin(), squared.end(), least) - squared.begin());
+  const std::string nothing = nothingAt(there, tables, table_options);
+  if (nearest < 0 || !surrounds(cloud, clusters[nearest], there, tables[tableUnder(tables, there)]))
+    return Found<int>::none(nothing);
+  Found<int> around(nearest);
+  around.reason = nothing;
+  return around;
 }
 
 Found<GraspSurface> graspSurface(const Cloud& cloud, const Indices& thing, const Table& table,

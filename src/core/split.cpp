@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "region_graph.h"
 #include "tabletop_perception/normals.h"
@@ -31,13 +32,20 @@ int stepOf(const Cloud& cloud, const std::vector<Indices>& clusters, double spac
   return static_cast<int>(std::clamp(std::lround(pixels), 1L, MAX_STEP));
 }
 
-/// Every step-th pixel of the clusters.
+/// Every step-th pixel of the part of the image that the clusters lie in.
 struct Grid {
   int step = 1;
+  int image_width = 0;       ///< [pixels]
+  int column = 0, row = 0;   ///< of the image, where the first cell begins
   Cloud cloud;               ///< cells without a point of a cluster are empty
   std::vector<int> cluster;  ///< of each cell, -1 without
 
   int cells() const { return static_cast<int>(cloud.size()); }
+  /// Where the cell of a pixel lies.
+  std::pair<int, int> placeOf(int pixel) const {
+    const int image_row = pixel / image_width;
+    return {(pixel - image_row * image_width - column) / step, (image_row - row) / step};
+  }
   bool near(int a, int b, float squared_gap) const {
     return cluster[a] == cluster[b] &&
            (cloud.point(a) - cloud.point(b)).squaredNorm() <= squared_gap;
@@ -57,13 +65,24 @@ void visitNeighbors(const Grid& grid, Visit visit) {
 
 /// The first pixel of each step x step block that belongs to a cluster stands for the block.
 Grid gridOf(const Cloud& cloud, const std::vector<Indices>& clusters, int step) {
+  int left = cloud.width, right = 0, top = cloud.height, bottom = 0;
+  for (const auto& cluster : clusters)
+    for (const int i : cluster) {
+      const int row = i / cloud.width, column = i - row * cloud.width;
+      left = std::min(left, column), right = std::max(right, column);
+      top = std::min(top, row), bottom = std::max(bottom, row);
+    }
   Grid grid;
   grid.step = step;
-  grid.cloud = Cloud((cloud.width + step - 1) / step, (cloud.height + step - 1) / step, false);
+  grid.image_width = cloud.width;
+  grid.column = left / step * step;
+  grid.row = top / step * step;
+  grid.cloud = Cloud((right - grid.column) / step + 1, (bottom - grid.row) / step + 1, false);
   grid.cluster.assign(grid.cloud.size(), -1);
   for (std::size_t k = 0; k < clusters.size(); ++k)
     for (const int i : clusters[k]) {
-      const int cell = i / cloud.width / step * grid.cloud.width + i % cloud.width / step;
+      const auto [column, row] = grid.placeOf(i);
+      const int cell = row * grid.cloud.width + column;
       if (grid.cluster[cell] >= 0) continue;
       grid.cluster[cell] = static_cast<int>(k);
       grid.cloud.setPoint(cell, cloud.point(i));
@@ -183,7 +202,7 @@ RegionGraph graphOf(const Grid& grid, const Normals& normals, const Patches& pat
 int partNear(const Cloud& cloud, int i, int cluster, const Grid& grid,
              const std::vector<int>& part_of_cell) {
   constexpr float SAME_SURFACE = 0.008f * 0.008f;  // [m^2]
-  const int column = i % cloud.width / grid.step, row = i / cloud.width / grid.step;
+  const auto [column, row] = grid.placeOf(i);
   const int own = row * grid.cloud.width + column;
   const Eigen::Vector3f p = cloud.point(i);
   if (grid.cluster[own] == cluster && (grid.cloud.point(own) - p).squaredNorm() < SAME_SURFACE)

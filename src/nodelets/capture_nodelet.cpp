@@ -72,6 +72,7 @@ class CaptureNodelet : public StageNodelet {
 
   void start() override {
     file_ = expandHome(parameter("database", std::string("~/.ros/tabletop.db")));
+    refuseOtherParameters();
     sync_.registerCallback(&CaptureNodelet::onFrame, this);
     ros::NodeHandle service_nh(getPrivateNodeHandle());
     service_nh.setCallbackQueue(&service_queue_);
@@ -98,7 +99,7 @@ class CaptureNodelet : public StageNodelet {
   void onFrame(const CloudMessageConstPtr& cloud, const TableArrayConstPtr& tables) {
     attempt(cloud->header.stamp, [&] {
       const std::lock_guard<std::mutex> lock(mutex_);
-      if (!waiting_ || cloud->header.stamp < called_) return;
+      if (!waiting_ || !isSince(called_, cloud->header.stamp)) return;
       frame_ = {cloud, tables};
       arrived_.notify_all();
     });

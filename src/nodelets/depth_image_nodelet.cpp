@@ -8,6 +8,7 @@
 #include "cloud_message.h"
 #include "color_partner.h"
 #include "conversions.h"
+#include "image_codec.h"
 #include "stage_nodelet.h"
 #include "tabletop_perception/DepthImageConfig.h"
 #include "tabletop_perception/depth_image.h"
@@ -18,9 +19,13 @@ namespace tabletop_perception {
 /// it, and `~camera_info` CameraInfo of both -> `~cloud` PointCloud2, organised, with the depth
 /// image's stamp and frame.
 ///
+/// With the parameter `compressed` it takes `~depth/compressedDepth` and `~color/compressed`, as
+/// image_transport names them.
+///
 /// Of `~camera_info` the last one counts, so that one that is sent once or seldom will do.
 class DepthImageNodelet : public StageNodelet {
   void start() override {
+    compressed_ = parameter("compressed", compressed_);
     interval_ = parameter("color_interval", interval_);
     if (!(interval_ >= 0 && interval_ <= 1))
       throw std::invalid_argument("color_interval must be between 0 and 1, got " +
@@ -34,6 +39,13 @@ class DepthImageNodelet : public StageNodelet {
     partner_.emplace(ros::Duration(interval_));
     memory_ = {};
     info_sub_ = nh.subscribe("camera_info", 1, &DepthImageNodelet::onInfo, this);
+    if (compressed_) {
+      color_sub_ = nh.subscribe(nh.resolveName("color") + "/compressed", INNER_QUEUE,
+                                &DepthImageNodelet::onCompressedColor, this);
+      depth_sub_ = nh.subscribe(nh.resolveName("depth") + "/compressedDepth", 1,
+                                &DepthImageNodelet::onCompressedDepth, this);
+      return;
+    }
     color_sub_ = nh.subscribe("color", INNER_QUEUE, &DepthImageNodelet::onColor, this);
     depth_sub_ = nh.subscribe("depth", 1, &DepthImageNodelet::onDepth, this);
   }
@@ -43,6 +55,25 @@ class DepthImageNodelet : public StageNodelet {
   }
 
   void onInfo(const sensor_msgs::CameraInfoConstPtr& info) { info_ = info; }
+
+  void onCompressedColor(const sensor_msgs::CompressedImageConstPtr& color) {
+    if (const auto image = unpacked(*color)) onColor(image);
+  }
+
+  void onCompressedDepth(const sensor_msgs::CompressedImageConstPtr& depth) {
+    if (const auto image = unpacked(*depth)) onDepth(image);
+  }
+
+  /// Null, with a warning, where it cannot be read.
+  sensor_msgs::ImageConstPtr unpacked(const sensor_msgs::CompressedImage& message) {
+    try {
+      return imageFromCompressed(message);
+    } catch (const std::exception& error) {
+      health().dropped(error.what());
+      warn(std::string("frame skipped: ") + error.what());
+      return nullptr;
+    }
+  }
 
   void onColor(const sensor_msgs::ImageConstPtr& color) { publish(partner_->addColor(color)); }
 
@@ -80,7 +111,8 @@ class DepthImageNodelet : public StageNodelet {
   static constexpr double MAX_GAP = 0.5;  ///< between two frames [s]
 
   DepthImageOptions options_;
-  double interval_ = 0.02;  ///< farthest that stamps of depth and colour differ [s]
+  bool compressed_ = false;  ///< what image_transport's plug-ins send is listened to
+  double interval_ = 0.02;   ///< farthest that stamps of depth and colour differ [s]
   std::optional<ColorPartner> partner_;
   DepthMemory memory_;
   ros::Time last_stamp_;

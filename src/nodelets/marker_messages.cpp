@@ -55,8 +55,9 @@ Marker hullMarker(const TableMessage& table, int id, const MarkerOptions& option
 }
 
 /// The twelve edges of the object's box.
-Marker boxMarker(const RecognizedObject& object, const MarkerOptions& options) {
-  Marker message = marker(object.header, "box", object.id, Marker::LINE_LIST, colorOf(object.id));
+Marker boxMarker(const RecognizedObject& object, const std::string& ns,
+                 const MarkerOptions& options) {
+  Marker message = marker(object.header, ns, object.id, Marker::LINE_LIST, colorOf(object.id));
   message.scale.x = options.line_width;
   message.pose = object.box_pose;
   const Eigen::Vector3d half(object.box_size.x / 2, object.box_size.y / 2, object.box_size.z / 2);
@@ -108,7 +109,8 @@ visualization_msgs::MarkerArrayPtr sceneMarkers(const RecognizedObjectArray& obj
 
   for (const auto& object : objects.objects) {
     message->markers.push_back(nameMarker(object, up, options));
-    if (object.score == 0) message->markers.push_back(boxMarker(object, options));
+    const bool known = object.score > 0;
+    message->markers.push_back(boxMarker(object, known ? "known_box" : "box", options));
   }
   return message;
 }
@@ -152,14 +154,15 @@ Cloud modelsAtPoses(const RecognizedObjectArray& objects, const ModelIndex& inde
 }
 
 visualization_msgs::MarkerArrayPtr pickMarkers(const PickedObject& picked) {
-  constexpr double AXIS_LENGTH = 0.08, AXIS_WIDTH = 0.006, HEAD_WIDTH = 0.012;  // [m]
-  constexpr double DISC_THICKNESS = 0.001;                                      // [m]
+  constexpr double AXIS_LENGTH = 0.08, AXIS_WIDTH = 0.008, HEAD_WIDTH = 0.02;  // [m]
+  constexpr double BEYOND = 0.04;  // the surface's edge: the origin lies within the thing [m]
+  constexpr double DISC_THICKNESS = 0.001;  // [m]
   auto message = boost::make_shared<visualization_msgs::MarkerArray>();
   message->markers.push_back(marker(picked.header, "", 0, Marker::CUBE, 0));
   message->markers.back().action = Marker::DELETEALL;
   if (!picked.success) return message;
   MarkerOptions options;
-  message->markers.push_back(boxMarker(picked.object, options));
+  message->markers.push_back(boxMarker(picked.object, "box", options));
 
   const auto addArrow = [&](const std::string& ns, int id, const geometry_msgs::Pose& pose,
                             const Eigen::Vector3d& along, std::uint32_t color) {
@@ -171,8 +174,10 @@ visualization_msgs::MarkerArrayPtr pickMarkers(const PickedObject& picked) {
     message->markers.push_back(arrow);
   };
   constexpr std::array<std::uint32_t, 3> AXES = {0xff0000, 0x00ff00, 0x0000ff};
+  const Eigen::Vector3d lengths(picked.extents[0] / 2 + BEYOND, picked.extents[1] / 2 + BEYOND,
+                                AXIS_LENGTH);
   for (int axis = 0; axis < 3; ++axis)
-    addArrow("axes", axis, picked.pose, AXIS_LENGTH * Eigen::Vector3d::Unit(axis), AXES[axis]);
+    addArrow("axes", axis, picked.pose, lengths[axis] * Eigen::Vector3d::Unit(axis), AXES[axis]);
   addArrow("approach", 0, picked.pregrasp, AXIS_LENGTH * Eigen::Vector3d::UnitZ(), TEXT_COLOR);
 
   Marker disc = marker(picked.header, "plane", 0, Marker::CYLINDER, TABLE_COLOR);

@@ -12,8 +12,9 @@
 
 namespace tabletop_perception {
 
-/// The tables' hulls, a name above each thing, and a box about each one that is not known; first of
-/// all the order to delete what was drawn before.
+/// The tables' hulls (namespace `table`), a name with its score above each thing (`name`), and a
+/// box about each one that is known (`known_box`) or not (`box`); first of all the order to delete
+/// what was drawn before.
 visualization_msgs::MarkerArrayPtr sceneMarkers(const RecognizedObjectArray& objects,
                                                 const TableArray& tables,
                                                 const MarkerOptions& options);

@@ -15,16 +15,21 @@
 
 namespace tabletop_perception {
 
-/// Copies a dynamic_reconfigure config into Options, field by name.
-template <typename Options, typename Config>
-Options optionsFromConfig(const Config& config) {
-  dynamic_reconfigure::Config message;
-  config.__toMessage__(message);
+/// Copies what dynamic_reconfigure tells into Options, field by name.
+template <typename Options>
+Options optionsFromMessage(const dynamic_reconfigure::Config& message) {
   Options options;
   options.visitFields([&](const std::string& name, auto& field, const auto&...) {
     dynamic_reconfigure::ConfigTools::getParameter(message, name, field);
   });
   return options;
+}
+
+template <typename Options, typename Config>
+Options optionsFromConfig(const Config& config) {
+  dynamic_reconfigure::Config message;
+  config.__toMessage__(message);
+  return optionsFromMessage<Options>(message);
 }
 
 /// Reads one parameter; throws std::invalid_argument with its name when it has another type. A

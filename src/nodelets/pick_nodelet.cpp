@@ -268,6 +268,7 @@ class PickNodelet : public StageNodelet {
     if (!point) return refusal(message.header, point.reason);
     auto pick = pickThing(cloud, *point, tablesFromMessage(tables), options);
     if (!pick) return refusal(message.header, pick.reason);
+    *pick.value = atFullResolution(cloud, std::move(*pick.value));
 
     SceneObject object =
         unknownObject(pick->window.cloud, pick->thing(), 2, std::optional<Table>(pick->table));

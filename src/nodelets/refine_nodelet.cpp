@@ -69,7 +69,8 @@ std::string namesOf(const RecognizedObjectArray& frame) {
 /// Parameters: `database`, the file with the objects; `publish_tf`; `track_frame`, the tf frame in
 /// which things at rest do not move (empty: the camera's, which then must not move either). The
 /// options of verify, track and grasp live in the namespaces of these names beside this nodelet, as
-/// their sections of the yaml file do.
+/// their sections of the yaml file do; those of match are the match nodelet's, in the namespace
+/// `match` beside this one.
 class RefineNodelet : public StageNodelet {
  public:
   ~RefineNodelet() override {
@@ -88,6 +89,7 @@ class RefineNodelet : public StageNodelet {
     track_frame_ = parameter("track_frame", std::string());
     serveOptions<RefineConfig>(getPrivateNodeHandle(), options_.refine);
     serveOptions<VerifyConfig>(ros::NodeHandle(getNodeHandle(), "verify"), options_.verify);
+    followOptions("match", options_.match);
     serveOptions<TrackConfig>(ros::NodeHandle(getNodeHandle(), "track"), options_.track);
 
     sync_.registerCallback(&RefineNodelet::onFrame, this);
@@ -306,7 +308,7 @@ class RefineNodelet : public StageNodelet {
     std::unique_lock<std::mutex> lock(latest_mutex_);
     const auto before = latest_.objects;
     const auto arrived = [&] {
-      return stopping_ || (latest_.objects != before && latest_.received >= called);
+      return stopping_ || (latest_.objects != before && isSince(called, latest_.received));
     };
     const bool came = latest_changed_.wait_until(lock, deadline, arrived);
     return came && !stopping_ ? latest_.objects : nullptr;
@@ -329,7 +331,7 @@ class RefineNodelet : public StageNodelet {
   static constexpr std::chrono::milliseconds TRACK_FRAME_TIMEOUT{200};
   static constexpr std::chrono::seconds DEFAULT_TIMEOUT{5};
 
-  PipelineOptions options_;  ///< refine and verify count
+  PipelineOptions options_;  ///< match, refine, verify and track count
   bool publish_tf_ = true;
   std::string track_frame_;
   std::optional<ModelSource> models_;

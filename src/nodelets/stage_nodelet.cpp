@@ -59,6 +59,21 @@ void StageNodelet::attempt(const ros::Time& stamp, const std::function<void()>& 
   }
 }
 
+void StageNodelet::refuseOtherParameters() {
+  struct NoOptions {
+    void visitFields(const std::function<void(const std::string&, double&)>&) {}
+  };
+  XmlRpc::XmlRpcValue set;
+  const auto& nh = getPrivateNodeHandle();
+  nh.getParam(nh.getNamespace(), set);
+  checkParameters<NoOptions>(nh.getNamespace(), set, parameters_);
+}
+
+bool StageNodelet::isSince(const ros::Time& called, const ros::Time& time) {
+  const ros::Time now = ros::Time::now();
+  return time >= called || (now < called && time <= now);
+}
+
 std::string StageNodelet::inputsReport(const std::vector<ros::Subscriber>& inputs) {
   std::string silent;
   for (const auto& input : inputs)

@@ -45,6 +45,10 @@ class StageNodelet : public nodelet::Nodelet {
     return value;
   }
 
+  /// For a nodelet without options: throws std::invalid_argument for a parameter that it does not
+  /// know.
+  void refuseOtherParameters();
+
   /// Keeps `options` as the parameters under `nh` and dynamic_reconfigure say. Throws
   /// std::invalid_argument for an unknown parameter, a wrong type, a value out of range or two that
   /// contradict each other; a reconfiguration that does is refused, and the options stay. `changed`
@@ -76,6 +80,18 @@ class StageNodelet : public nodelet::Nodelet {
     servers_.push_back(server);
   }
 
+  /// Keeps `options` as those that another nodelet serves in the namespace `section` beside this
+  /// one, also when they are reconfigured. Throws as serveOptions for what is set there.
+  template <typename Options>
+  void followOptions(const std::string& section, Options& options) {
+    ros::NodeHandle nh(getNodeHandle(), section);
+    readOptions(getNodeHandle(), section, options);
+    followed_.push_back(nh.subscribe<dynamic_reconfigure::Config>(
+        "parameter_updates", 1, [&options](const dynamic_reconfigure::ConfigConstPtr& message) {
+          options = optionsFromMessage<Options>(*message);
+        }));
+  }
+
   /// Advertises under the nodelet's own name; listeners wake the nodelet up.
   template <typename Message>
   ros::Publisher advertise(const std::string& topic) {
@@ -96,6 +112,10 @@ class StageNodelet : public nodelet::Nodelet {
 
   /// What else the diagnostics say: frames that are dropped, and why a frame has no result.
   StageHealth& health() { return health_; }
+
+  /// Whether `time` is not before `called`, a moment that is past. Where the clock was set back
+  /// since (a bag begins anew), whether it is after that.
+  static bool isSince(const ros::Time& called, const ros::Time& time);
 
   /// Why nothing comes: which of the inputs nobody publishes.
   static std::string inputsReport(const std::vector<ros::Subscriber>& inputs);
@@ -119,6 +139,7 @@ class StageNodelet : public nodelet::Nodelet {
 
   std::set<std::string> parameters_;            ///< names of those that are no options
   std::vector<std::shared_ptr<void>> servers_;  ///< dynamic_reconfigure
+  std::vector<ros::Subscriber> followed_;       ///< options of other nodelets
   StageHealth health_;
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
   ros::WallTimer diagnostics_timer_;

@@ -10,8 +10,9 @@ namespace tabletop_perception::tools {
 /// Something that is wrong.
 struct Finding {
   enum class Severity {
-    ERROR,   ///< nothing can come out
-    WARNING  ///< what comes out is less, slower or worse than it could be
+    ERROR,    ///< nothing can come out
+    WARNING,  ///< what comes out is less, slower or worse than it could be
+    HINT      ///< nothing is wrong, but it may go wrong elsewhere
   };
   std::string id;  ///< stable, for scripts: "cloud_unorganized" (docs/doctor.md lists all)
   Severity severity;

@@ -89,10 +89,10 @@ void checkGraph(const Observed& seen, Findings& findings) {
   if (!checkStages(graph, findings)) return;
 
   if (graph.up_frame.empty() && !graph.up_stated)
-    findings.warning("up_unknown",
-                     graph.ns +
-                         "/table has neither up_frame nor up nor pitch: give one, or a floor "
-                         "or a wall may be taken for the table");
+    findings.hint("up_unknown",
+                  graph.ns +
+                      "/table has neither up_frame nor up nor pitch: give one, or a floor "
+                      "or a wall may be taken for the table");
   checkDatabase(graph, findings);
   checkSilence(seen, findings);
 }

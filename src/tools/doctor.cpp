@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <stdexcept>
@@ -23,7 +24,14 @@ struct DoctorArguments {
 };
 
 std::string severityName(Finding::Severity severity) {
-  return severity == Finding::Severity::ERROR ? "error" : "warning";
+  switch (severity) {
+    case Finding::Severity::ERROR:
+      return "error";
+    case Finding::Severity::WARNING:
+      return "warning";
+    default:
+      return "hint";
+  }
 }
 
 nlohmann::ordered_json diagnosisJson(const Observed& seen, const std::vector<Finding>& findings) {
@@ -39,11 +47,17 @@ nlohmann::ordered_json diagnosisJson(const Observed& seen, const std::vector<Fin
   return json;
 }
 
+bool anythingWrong(const std::vector<Finding>& findings) {
+  return std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
+    return finding.severity != Finding::Severity::HINT;
+  });
+}
+
 void printDiagnosis(const Observed& seen, const std::vector<Finding>& findings) {
   for (const auto& finding : findings)
     std::printf("%s %s: %s\n", severityName(finding.severity).c_str(), finding.id.c_str(),
                 finding.text.c_str());
-  if (findings.empty())
+  if (!anythingWrong(findings))
     std::printf("nothing wrong: %zu clouds on %s in %s s\n", seen.clouds.size(), seen.input.c_str(),
                 figure(seen.seconds).c_str());
 }
@@ -57,7 +71,7 @@ void doctor(const DoctorArguments& arguments) {
     std::fputs(jsonLine(diagnosisJson(seen, findings)).c_str(), stdout);
   else
     printDiagnosis(seen, findings);
-  if (!findings.empty()) throw CommandFailed{1};
+  if (anythingWrong(findings)) throw CommandFailed{1};
 }
 
 /// `perception` and `/perception/` are the same namespace.

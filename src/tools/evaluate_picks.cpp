@@ -112,8 +112,12 @@ Found<Pick> pickAt(const PickTruth& truth, const cv::Point& pixel, const Pipelin
   const auto point =
       pointAtPixel(truth.cloud, {static_cast<double>(pixel.x), static_cast<double>(pixel.y)},
                    options.pick.pixel_window);
-  return point ? pickInScene(truth.cloud, *point, truth.up, options)
-               : Found<Pick>::none(point.reason);
+  if (!point) return Found<Pick>::none(point.reason);
+  auto pick = pickInScene(truth.cloud, *point, truth.up, options);
+  if (pick)
+    *pick.value =
+        atFullResolution(filterCloud(truth.cloud, options.filter), std::move(*pick.value));
+  return pick;
 }
 
 /// What picks are recognised with, and held against.

@@ -19,6 +19,9 @@ class Findings {
   void warning(std::string id, std::string text) {
     all_.push_back({std::move(id), Finding::Severity::WARNING, std::move(text)});
   }
+  void hint(std::string id, std::string text) {
+    all_.push_back({std::move(id), Finding::Severity::HINT, std::move(text)});
+  }
 
   /// Whether one of these was found.
   bool any(std::initializer_list<const char*> ids) const {

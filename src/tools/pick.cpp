@@ -58,6 +58,9 @@ void pick(const PickArguments& arguments) {
     auto picked = target
                       ? pickInScene(scene.cloud, *target, stated_up ? stated_up : scene.up, options)
                       : Found<Pick>::none(target.reason);
+    if (picked)
+      *picked.value =
+          atFullResolution(filterCloud(scene.cloud, options.filter), std::move(*picked.value));
     std::optional<SceneObject> object;
     std::vector<PlacedGrasp> grasps;
     if (picked && models) {

@@ -45,7 +45,8 @@ double liftAt(double height, const std::vector<Surface>& parts, bool explained =
   if (explained)
     for (std::size_t k = 0; k < parts.size(); ++k)
       marks.mark(k, std::vector<std::uint32_t>((parts[k].size() + 31) / 32, 0xFFFFFFFF));
-  return liftOf(index, 0, T, parts, marks, tables);
+  static const Cloud nothing(1, 1);
+  return liftOf(index, 0, T, parts, marks, Observations(nothing, tables), tables);
 }
 
 }  // namespace
@@ -87,7 +88,7 @@ TEST(Lift, StaysWhereTheCameraSawThroughBelowWhatSeemsToCarryTheObject) {
     static const ModelIndex index({views::modelOf("box", scene::box(0.10, 0.06, 0.12), {})});
     const Eigen::Isometry3d T = scene.T_camera_table * Eigen::Translation3d(0, 0, 0.18);
     const Observations observations(scene.cloud, tables);
-    return liftOf(index, 0, T, parts, Marks(parts), tables, &observations);
+    return liftOf(index, 0, T, parts, Marks(parts), observations, tables);
   };
   EXPECT_NEAR(liftSeen(0.16), 0.18, MM);
   EXPECT_EQ(liftSeen(0), 0);

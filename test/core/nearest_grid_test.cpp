@@ -67,26 +67,33 @@ TEST(NearestGrid, ABlockCorrespondsPointByPoint) {
   points.points[7].y() = clouds::NO_POINT;
   const PlanarSurface planar(points);
   ASSERT_EQ(planar.blocks.size(), 2u);
-  int found = 0;
-  for (std::size_t i = 0; i < 2 * PlanarBlock::SIZE; ++i) {
-    Correspondences block;
-    grid.correspond(planar.blocks[i / PlanarBlock::SIZE], T, FARTHEST * FARTHEST, block);
-    const float squared = block.squared[i % PlanarBlock::SIZE];
-    float expected = std::numeric_limits<float>::infinity();
-    if (i < points.size() && i != 7) {
-      const Eigen::Vector3f p = T * points.points[i];
-      const int nearest = grid.nearest(p);
-      if (nearest >= 0 && (surface.points[nearest] - p).norm() <= FARTHEST &&
-          std::abs((T.linear() * points.normals[i]).dot(surface.normals[nearest])) >= 0.5f)
-        expected = (surface.points[nearest] - p).squaredNorm();
+  int found[2] = {};
+  for (const bool any_facing : {false, true})
+    for (std::size_t i = 0; i < 2 * PlanarBlock::SIZE; ++i) {
+      const float least = any_facing ? 0 : 0.5f;
+      Correspondences block;
+      grid.correspond(planar.blocks[i / PlanarBlock::SIZE], T, FARTHEST * FARTHEST, block, least);
+      const int lane = static_cast<int>(i % PlanarBlock::SIZE);
+      int nearest = -1;
+      const bool is_point = i < points.size() && i != 7;
+      const Eigen::Vector3f p = is_point ? T * points.points[i] : Eigen::Vector3f::Zero();
+      if (is_point) nearest = grid.nearest(p);
+      const bool corresponds =
+          nearest >= 0 && (surface.points[nearest] - p).norm() <= FARTHEST &&
+          std::abs((T.linear() * points.normals[i]).dot(surface.normals[nearest])) >= least;
+      found[any_facing] += corresponds;
+      if (!corresponds) {
+        EXPECT_EQ(block.squared[lane], std::numeric_limits<float>::infinity()) << i;
+        continue;
+      }
+      const Eigen::Vector3f way(block.dx[lane], block.dy[lane], block.dz[lane]);
+      const Eigen::Vector3f normal(block.nx[lane], block.ny[lane], block.nz[lane]);
+      EXPECT_NEAR(block.squared[lane], (surface.points[nearest] - p).squaredNorm(), 1e-9) << i;
+      EXPECT_LT((p + way - surface.points[nearest]).norm(), 1e-6f) << i;
+      EXPECT_EQ(normal, surface.normals[nearest]) << i;
     }
-    found += std::isfinite(expected);
-    if (std::isfinite(expected))
-      EXPECT_NEAR(squared, expected, 1e-9) << i;
-    else
-      EXPECT_EQ(squared, expected) << i;
-  }
-  EXPECT_GT(found, 5);
+  EXPECT_GT(found[0], 5);
+  EXPECT_GT(found[1], found[0]);
 }
 
 TEST(NearestGrid, AThingOfMetresGetsLargerCubes) {

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "clouds.h"
@@ -43,12 +45,29 @@ TEST(Pick, theThingAtAPointIsTaken) {
     const auto pick = pickInScene(scene.cloud, scene.cloud.point(truth[truth.size() / 2]), scene.up,
                                   PipelineOptions());
     ASSERT_TRUE(pick) << pick.reason;
-    const auto points = pickedPoints(*pick);
+    const auto points = pickedPoints(atFullResolution(scene.cloud, *pick));
     int right = 0;
     for (const int i : points) right += scene.truth[i] == k + 2;
     EXPECT_GT(right, 0.98 * points.size()) << scene.objects[k].name;
     EXPECT_GT(right, 0.8 * truth.size()) << scene.objects[k].name;
   }
+}
+
+TEST(Pick, aFineImageIsLookedAtCoarselyAndGivenBackPixelByPixel) {
+  const auto scene = boxOnTable();
+  const auto pick = pickAt(scene, {0, 0, 0.10});
+  ASSERT_TRUE(pick) << pick.reason;
+  ASSERT_EQ(pick->window.step, 2);
+  const auto full = atFullResolution(scene.cloud, *pick);
+  EXPECT_EQ(full.window.step, 1);
+  const auto coarse = pickedPoints(*pick), fine = pickedPoints(full);
+  EXPECT_NEAR(fine.size(), 4.0 * coarse.size(), 0.1 * fine.size());
+  Indices both;
+  std::set_intersection(fine.begin(), fine.end(), coarse.begin(), coarse.end(),
+                        std::back_inserter(both));
+  EXPECT_GT(both.size(), 0.95 * coarse.size());
+  for (std::size_t i = 0; i < full.window.cloud.size(); ++i)
+    EXPECT_EQ(full.window.cloud.valid(i), scene.cloud.valid(full.window.sourceOf(i)));
 }
 
 TEST(Pick, theFrameLiesBehindTheTopWithXAlongItsLongerSide) {
@@ -131,6 +150,23 @@ TEST(Pick, whatIsNoThingHasAReason) {
   const auto nowhere = pickInScene(scene.cloud, {nan, 0, 1}, scene.up, PipelineOptions());
   ASSERT_FALSE(nowhere);
   EXPECT_TRUE(contains(nowhere.reason, "not finite")) << nowhere.reason;
+}
+
+TEST(Pick, theBottomOfATrayBelongsToItTheTableInAnAngleToNothing) {
+  const Mesh left = scene::moved(scene::box(0.01, 0.16, 0.05), 0.075, 0, 0),
+             right = scene::moved(scene::box(0.01, 0.16, 0.05), -0.075, 0, 0),
+             back = scene::moved(scene::box(0.16, 0.01, 0.05), 0, 0.075, 0),
+             front = scene::moved(scene::box(0.16, 0.01, 0.05), 0, -0.075, 0);
+  const auto tray = scene::render(
+      {{"tray", scene::merged({left, right, back, front}), scene::standing(0, 0, 0.3)}});
+  const auto inside = pickAt(tray, {0.02, 0, 0.002});
+  ASSERT_TRUE(inside) << inside.reason;
+  EXPECT_NEAR(inside->box.size.x(), 0.16, 0.01);
+  const auto angle =
+      scene::render({{"angle", scene::merged({left, back}), scene::standing(0, 0, 0.3)}});
+  const auto beside = pickAt(angle, {0.02, 0.01, 0.002});
+  ASSERT_FALSE(beside);
+  EXPECT_TRUE(contains(beside.reason, "on the table")) << beside.reason;
 }
 
 TEST(Pick, aWallBehindTheTableIsNoThing) {

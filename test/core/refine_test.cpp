@@ -208,6 +208,32 @@ TEST(RefinePose, StopsAtTheLimitOfIterations) {
   }
 }
 
+/// Points with much noise against a grid of coarse cells: ICP goes to and fro between pairs.
+TEST(RefinePose, EndsWhereItComesBackToAPose) {
+  const Fixture coarse(scene::cylinder(0.04, 0.1), 0.008);
+  Surface few;
+  std::mt19937 random(3);
+  std::normal_distribution<float> noise(0, 0.003f);
+  for (std::size_t i = 0; i < coarse.cluster.size(); i += 13) {
+    const auto& p = coarse.cluster.points[i];
+    few.points.push_back(p + noise(random) * p.normalized());
+    few.normals.push_back(coarse.cluster.normals[i]);
+  }
+  RefineOptions options;
+  options.max_iterations = 200;
+  options.start_distance = 0.01;
+  options.max_distance = 0.006;
+  int ended = 0;
+  for (int k = 0; k < 20; ++k) {
+    const Eigen::Vector3d axis(std::sin(k), std::cos(k), 0.3);
+    const auto alignment =
+        refinePose(few, coarse.grid, coarse.disturbed(4, axis, 0.004 * axis), options);
+    ASSERT_TRUE(alignment);
+    ended += alignment->converged;
+  }
+  EXPECT_EQ(ended, 20);
+}
+
 TEST(RefinePose, ACylinderDoesNotSpinAway) {
   const Fixture can(scene::cylinder(0.04, 0.12, 180), 0.004);
   const auto start = can.disturbed(4, {1, 1, 0}, {0.004, -0.003, 0.005});

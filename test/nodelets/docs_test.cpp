@@ -1,9 +1,11 @@
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 #include <map>
 #include <regex>
 #include <set>
+#include <sstream>
 #include <string>
 #include <thread>
 
@@ -13,14 +15,42 @@
 #include <tabletop_perception/CaptureView.h>
 
 #include "graph.h"
+#include "tabletop_perception/pipeline.h"
 
 namespace tabletop_perception {
 namespace {
 
 using namespace test;
 
-const std::set<std::string> NODELETS = {"depth_image", "filter",  "table", "cluster", "match",
-                                        "refine",      "markers", "pick",  "capture"};
+const std::set<std::string> NODELETS = {"openni2", "compress", "depth_image", "filter",
+                                        "table",   "cluster",  "match",       "refine",
+                                        "markers", "pick",     "capture"};
+const std::set<std::string> WITH_DATABASE = {"match", "refine", "markers", "pick", "capture"};
+const std::filesystem::path PROJECT(PROJECT_DIR);
+
+std::string textOf(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  EXPECT_TRUE(in) << file;
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+/// All that a pattern finds in a text: its group.
+std::set<std::string> allIn(const std::string& text, const std::string& pattern, int group = 1) {
+  std::set<std::string> found;
+  const std::regex regex(pattern);
+  for (std::sregex_iterator i(text.begin(), text.end(), regex), end; i != end; ++i)
+    found.insert((*i)[group].str());
+  return found;
+}
+
+std::vector<std::filesystem::path> pages() {
+  std::vector<std::filesystem::path> files = {PROJECT / "README.md"};
+  for (const auto& entry : std::filesystem::directory_iterator(PROJECT / "docs"))
+    if (entry.path().extension() == ".md") files.push_back(entry.path());
+  return files;
+}
 
 /// Topics and services of a nodelet by their names after "~", with their types where they are
 /// known.
@@ -28,10 +58,9 @@ using Names = std::map<std::string, std::string>;
 
 /// What the page of a nodelet names in its tables: `~name`, in the third column its type.
 Names documented(const std::string& nodelet) {
-  std::ifstream page(std::string(PROJECT_DIR) + "/docs/" + nodelet + ".md");
-  EXPECT_TRUE(page) << nodelet << " has no page";
-  const std::regex name("`~([a-z_]+)`"),
-      typed("\\| (in|out|service) \\| `~[a-z_]+` \\| ([\\w/]+) \\|.*");
+  std::istringstream page(textOf(PROJECT / "docs" / (nodelet + ".md")));
+  const std::regex name("`~([a-zA-Z_/]+)`"),
+      typed("\\| (in|out|service) \\| `~[a-zA-Z_/]+` \\| ([\\w/]+) \\|.*");
   Names names;
   for (std::string line; std::getline(page, line);) {
     if (line.empty() || line[0] != '|') continue;
@@ -79,11 +108,78 @@ std::set<std::string> namesOf(const Names& names) {
   return set;
 }
 
+/// The first cells of the tables under "## Parameters".
+std::set<std::string> documentedParameters(const std::string& nodelet) {
+  std::istringstream page(textOf(PROJECT / "docs" / (nodelet + ".md")));
+  std::set<std::string> names;
+  bool inside = false;
+  for (std::string line; std::getline(page, line);) {
+    if (line.rfind("## ", 0) == 0) inside = line == "## Parameters";
+    if (inside && line.rfind("| `", 0) == 0)
+      names.merge(allIn(line.substr(0, line.find('|', 1)), "`([a-z_]+)`"));
+  }
+  return names;
+}
+
+/// The parameters of a nodelet without the options that default.yaml names, as it lists them when
+/// it refuses one.
+std::set<std::string> actualParameters(ros::NodeHandle& nh, nodelet::Loader& manager,
+                                       const LogRecorder& log, const std::string& nodelet) {
+  const std::string name = "/refusing_" + nodelet;
+  nh.setParam(name + "/no_such_thing", 1);
+  EXPECT_TRUE(manager.load(name, "tabletop_perception/" + nodelet, {}, {}));
+  EXPECT_TRUE(spinUntil([&] { return log.has(name + "/no_such_thing"); }, 5)) << nodelet;
+  std::set<std::string> names;
+  for (const auto& text : log.texts()) {
+    const auto list = text.find("; there are ");
+    if (list != text.npos && text.find(name + "/no_such_thing") != text.npos)
+      names = allIn(text.substr(list + 11), "(\\w+)");
+  }
+  names.erase("diagnostic_period");  // of all: docs/diagnostics.md
+  PipelineOptions().visitStages([&](const std::string& section, auto& stage) {
+    if (section == nodelet)
+      stage.visitFields([&](const std::string& field, const auto&...) { names.erase(field); });
+  });
+  return names;
+}
+
+TEST(Docs, everyParameterIsDocumentedAndThere) {
+  ros::NodeHandle nh;
+  const LogRecorder log(nh);
+  nodelet::Loader manager(false);
+  for (const auto& nodelet : NODELETS)
+    EXPECT_EQ(documentedParameters(nodelet), actualParameters(nh, manager, log, nodelet))
+        << "docs/" << nodelet << ".md, and the nodelet";
+}
+
+TEST(Docs, everyLaunchArgumentExistsAndSaysWhatItIs) {
+  std::map<std::string, std::set<std::string>> args_of;
+  std::set<std::string> all;
+  for (const auto& entry : std::filesystem::directory_iterator(PROJECT / "launch")) {
+    const std::string launch = textOf(entry.path());
+    const auto open = allIn(launch, "\n  <arg name=\"(\\w+)\"(?! value)");
+    EXPECT_EQ(open, allIn(launch, "\n  <arg name=\"(\\w+)\"(?! value)[^>]* doc=\"[^\"]+\"/>"))
+        << entry.path() << ", and its arguments with a doc";
+    args_of[entry.path().filename()] = open;
+    all.insert(open.begin(), open.end());
+  }
+  for (const auto& page : pages()) {
+    const std::string text = std::regex_replace(textOf(page), std::regex("\\\\\n *"), " ");
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+      const auto used = allIn(line, "[ `(]([a-z]\\w*):=");
+      const auto file = allIn(line, "roslaunch [^`]*tabletop_perception (\\w+\\.launch)");
+      for (const auto& arg : used)
+        EXPECT_TRUE((file.size() == 1 ? args_of[*file.begin()] : all).count(arg))
+            << page << " has " << arg << ":= in: " << line;
+    }
+  }
+}
+
 TEST(Docs, everyTopicAndServiceIsDocumentedAndThere) {
   ros::NodeHandle nh;
-  for (const auto& name : NODELETS) nh.setParam("/" + name + "/database", "/nowhere/objects.db");
-  for (const std::string name : {"depth_image", "filter", "table", "cluster"})
-    nh.deleteParam("/" + name + "/database");
+  for (const auto& name : WITH_DATABASE)
+    nh.setParam("/" + name + "/database", "/nowhere/objects.db");
   nodelet::Loader manager(false);
   for (const auto& name : NODELETS)
     ASSERT_TRUE(manager.load("/" + name, "tabletop_perception/" + name, {}, {})) << name;
@@ -113,7 +209,19 @@ TEST(Docs, everyTopicAndServiceIsDocumentedAndThere) {
       EXPECT_EQ(type, there->second) << nodelet << "/" << name;
     }
   }
-  ros::shutdown();  // ends the call
+  for (const auto& topic :
+       allIn(textOf(PROJECT / "rviz/perception.rviz"), "Topic: /perception/(\\S+)")) {
+    const auto slash = topic.find('/');
+    EXPECT_TRUE(running()[topic.substr(0, slash)].count(topic.substr(slash + 1)))
+        << "rviz/perception.rviz shows /perception/" << topic;
+  }
+  PipelineOptions().visitStages([&](const std::string& section, auto& stage) {
+    stage.visitFields([&](const std::string& field, const auto&...) {
+      EXPECT_TRUE(nh.hasParam("/" + section + "/" + field))
+          << "config/default.yaml names " << section << "." << field << ", no nodelet serves it";
+    });
+  });
+  ros::shutdown();  // ends the call, and all tests that need a graph
   teacher.join();
 }
 

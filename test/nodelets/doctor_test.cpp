@@ -149,6 +149,16 @@ TEST_F(Doctor, FindsNothingWhereNothingIsWrong) {
   EXPECT_EQ(found.result.at("input"), "/camera/depth_registered/points");
 }
 
+TEST_F(Doctor, AnUpThatNobodyStatesIsAHint) {
+  Camera camera(nh_);
+  ros::param::set("/perception/table/up_frame", "");
+  auto found = diagnosis(&camera);
+  for (int i = 0; i < 5 && found.ids().size() > 1; ++i) found = diagnosis(&camera);
+  ros::param::set("/perception/table/up_frame", "base");
+  EXPECT_EQ(found.ids(), Ids({"up_unknown"})) << found.result;
+  EXPECT_EQ(found.exit_code, 0);
+}
+
 TEST_F(Doctor, NamesSimulatedTimeThatNobodyGives) {
   ros::param::set("/use_sim_time", true);  // for nodes that start from now on: the doctor
   Camera camera(nh_);

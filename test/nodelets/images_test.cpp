@@ -2,12 +2,16 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <memory>
+#include <stdexcept>
+#include <vector>
 
 #include "color_partner.h"
 #include "graph.h"
+#include "image_codec.h"
 
 namespace tabletop_perception {
 namespace {
@@ -56,6 +60,67 @@ TEST(ColorPartner, isDoneWithoutWhereNoneCanComeAnyMore) {
 
   ColorPartner fresh(ros::Duration(0.02));
   EXPECT_EQ(fresh.addDepth(imageAt(100), false).size(), 1u) << "where nobody sends colours";
+}
+
+// --- compressed images
+
+sensor_msgs::Image depthOf(const std::string& encoding, const std::vector<float>& metres) {
+  sensor_msgs::Image image;
+  image.encoding = encoding;
+  image.width = static_cast<std::uint32_t>(metres.size());
+  image.height = 1;
+  image.step = image.width * (encoding == "16UC1" ? 2 : 4);
+  image.data.resize(image.step);
+  for (std::size_t i = 0; i < metres.size(); ++i) {
+    const auto raw = static_cast<std::uint16_t>(std::lround(1e3 * metres[i]));
+    if (encoding == "16UC1")
+      std::memcpy(&image.data[2 * i], &raw, 2);
+    else
+      std::memcpy(&image.data[4 * i], &metres[i], 4);
+  }
+  return image;
+}
+
+TEST(ImageCodec, depthInMillimetresComesBackAsItWas) {
+  const auto depth = depthOf("16UC1", {0, 0.001, 0.731, 65.535});
+  const auto back = imageFromCompressed(*compressedDepth(depth));
+  EXPECT_EQ(back->encoding, "16UC1");
+  EXPECT_EQ(back->data, depth.data);
+}
+
+TEST(ImageCodec, depthInMetresComesBackInMillimetres) {
+  const auto metres = depthOf("32FC1", {NAN, 0.7314f, -1, 70});
+  const auto back = imageFromCompressed(*compressedDepth(metres));
+  EXPECT_EQ(back->encoding, "16UC1");
+  EXPECT_EQ(back->data, depthOf("16UC1", {0, 0.731, 0, 0}).data);
+}
+
+TEST(ImageCodec, inverseDepthOfThePluginIsRead) {
+  auto message = *compressedDepth(depthOf("16UC1", {0, 1.0, 2.0}));  // numbers 0, 1000, 2000
+  message.format = "32FC1; compressedDepth png";
+  const float a = 900, b = 100;
+  std::memcpy(&message.data[4], &a, 4);
+  std::memcpy(&message.data[8], &b, 4);
+  const auto back = imageFromCompressed(message);
+  ASSERT_EQ(back->encoding, "32FC1");
+  std::array<float, 3> metres;
+  std::memcpy(metres.data(), back->data.data(), sizeof metres);
+  EXPECT_TRUE(std::isnan(metres[0]));
+  EXPECT_FLOAT_EQ(metres[1], 1.0f);
+  EXPECT_FLOAT_EQ(metres[2], 900.0f / 1900);
+}
+
+TEST(ImageCodec, whatIsNoImageIsNamed) {
+  sensor_msgs::CompressedImage message;
+  message.format = "16UC1; compressedDepth png";
+  message.data.resize(100);
+  EXPECT_THROW(imageFromCompressed(message), std::invalid_argument);
+  message.format = "jpeg";
+  EXPECT_THROW(imageFromCompressed(message), std::invalid_argument);
+  auto color = depthOf("16UC1", {1});
+  EXPECT_THROW(compressedColor(color), std::invalid_argument) << "depth is no colour";
+  color.encoding = "rgb8";
+  EXPECT_THROW(compressedColor(color), std::invalid_argument) << "too short";
 }
 
 // --- the graph with images at its entrance
@@ -208,6 +273,29 @@ TEST_F(Images, anImageOfTheSameMomentColoursTheCloud) {
   camera_.withColor();
   listen();
   expectTrueCloud(cloudOf("16UC1"), true);
+}
+
+TEST_F(Images, aGraphInTwoPartsTakesThemCompressed) {
+  camera_.withColor();
+  const CloudRecorder clouds(nh_, "/compressed/filter/cloud");
+  ros::Time stamp;
+  ASSERT_TRUE(spinUntil([&] {
+    stamp = camera_.send("16UC1");
+    return spinUntil([&] { return clouds.has(stamp); }, 0.5);
+  }));
+  const Cloud cloud = cloudFromMessage(*clouds.at(stamp));
+  const Cloud& truth = camera_.scene().cloud;
+  ASSERT_EQ(cloud.size(), truth.size());
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    if (!cloud.valid(i)) continue;
+    ASSERT_LT((cloud.point(i) - truth.point(i)).norm(), 0.001);
+  }
+  const std::size_t middle = truth.size() / 2 + truth.width / 2;  // of a thing, of one colour
+  ASSERT_TRUE(cloud.valid(middle));
+  for (const int shift : {0, 8, 16})
+    EXPECT_NEAR((cloud.rgb[middle] >> shift) & 255, (truth.rgb[middle] >> shift) & 255, 10);
+  EXPECT_FALSE(ros::service::exists("/compressed/table/set_parameters", false))
+      << "the part of the camera's machine ends with the filter";
 }
 
 TEST_F(Images, thingsOnTheTableComeOutAtTheOtherEnd) {

@@ -69,6 +69,16 @@ TEST_F(Parameters, anOptionOfVerifyIsChecked) {
   expectRefused("/refine", {"/verify/min_score must be between 0 and 1, got 2"});
 }
 
+TEST_F(Parameters, anOptionOfMatchIsCheckedByRefineToo) {
+  nh_.setParam("/match/neighbors", 0);
+  load("/leftovers/refine", "refine");
+  EXPECT_TRUE(ros::service::waitForService("/leftovers/refine/set_parameters", 5000))
+      << "/match is not beside it";
+  load("/refine_of_match", "refine");
+  nh_.deleteParam("/match/neighbors");
+  expectRefused("/refine_of_match", {"match.neighbors must be between 1 and", "got 0"});
+}
+
 TEST_F(Parameters, rightOnesStartAndAWholeNumberIsANumber) {
   nh_.setParam("/right/max_range", 3);
   nh_.setParam("/right/crop_axis", "z");
