@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -220,10 +221,11 @@ Eigen::Matrix3d uprightAxes(const PlanarPoints& points, const Eigen::Vector3d& u
   const cv::Point2f a = corners[1] - corners[0], b = corners[2] - corners[1];
   const cv::Point2f side = cv::norm(a) > cv::norm(b) ? a : b;
   const Eigen::Vector3d along = side.x * u + side.y * v;
-  frame.axes.col(0) = along.norm() > 0 ? Eigen::Vector3d(along.normalized()) : u;
-  frame.axes.col(2) = up;
-  frame.axes.col(1) = up.cross(frame.axes.col(0));
-  return frame;
+  Eigen::Matrix3d axes;
+  axes.col(0) = along.norm() > 0 ? Eigen::Vector3d(along.normalized()) : u;
+  axes.col(2) = up;
+  axes.col(1) = up.cross(axes.col(0));
+  return axes;
 }
 
 }  // namespace

@@ -60,3 +60,23 @@ TEST(Cloud, KeptPointsStayAtTheirPixels) {
   EXPECT_EQ(kept.point(5), Eigen::Vector3f(5, 10, 3));
   EXPECT_EQ(kept.rgb, smallCloud(true).rgb);
 }
+
+TEST(Cloud, APartIsDecimatedWithItsColors) {
+  Cloud cloud(11, 9, true);
+  for (int i = 0; i < static_cast<int>(cloud.size()); ++i) {
+    cloud.setPoint(i, {1.0f * (i % 11), 1.0f * (i / 11), 1});
+    cloud.rgb[i] = i;
+  }
+  for (const int step : {1, 2, 3, 4}) {
+    const PixelRectangle part{2, 1, 8, 7};
+    const Cloud coarse = decimated(cloud, part, step);
+    ASSERT_EQ(coarse.width, (8 + step - 1) / step);
+    ASSERT_EQ(coarse.height, (7 + step - 1) / step);
+    for (int row = 0; row < coarse.height; ++row)
+      for (int column = 0; column < coarse.width; ++column) {
+        const int i = row * coarse.width + column, from = (1 + row * step) * 11 + 2 + column * step;
+        EXPECT_EQ(coarse.point(i), cloud.point(from));
+        EXPECT_EQ(coarse.rgb[i], cloud.rgb[from]);
+      }
+  }
+}

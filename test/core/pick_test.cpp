@@ -189,6 +189,21 @@ TEST(Pick, anUnorganisedCloudIsPickedByPoint) {
   EXPECT_TRUE(contains(at_pixel.reason, "unorganised")) << at_pixel.reason;
 }
 
+TEST(WindowAround, aWallOfOnePixelIsNotSteppedOver) {
+  Cloud cloud(9, 6, false);
+  for (int i = 0; i < static_cast<int>(cloud.size()); ++i)
+    cloud.setPoint(i, {0.01f * (i % 9), 0.01f * (i / 9), i % 9 == 3 ? 0.8f : 1.0f});
+  cloud.drop(4);  // nor is a pixel without a point taken where there is a point beside it
+  const auto window = windowAround(cloud, {0.04f, 0, 1}, 1, 2);
+  ASSERT_EQ(window.cloud.width, 5);
+  ASSERT_EQ(window.cloud.height, 3);
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 5; ++column) {
+      const Eigen::Vector3f p = window.cloud.point(row * 5 + column);
+      EXPECT_EQ(p.z(), column == 1 ? 0.8f : 1.0f) << row << " " << column;
+    }
+}
+
 TEST(PointAtPixel, takesTheNearestDepthOrSaysWhyThereIsNone) {
   Cloud cloud(40, 30, false);
   cloud.setPoint(10 * 40 + 14, {0.1f, 0.2f, 1.0f});
