@@ -45,7 +45,7 @@ double liftAt(double height, const std::vector<Surface>& parts, bool explained =
   if (explained)
     for (std::size_t k = 0; k < parts.size(); ++k)
       marks.mark(k, std::vector<std::uint32_t>((parts[k].size() + 31) / 32, 0xFFFFFFFF));
-  static const Cloud nothing(1, 1);
+  static const Cloud nothing(1, 1, false);
   return liftOf(index, 0, T, parts, marks, Observations(nothing, tables), tables);
 }
 
