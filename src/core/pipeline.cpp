@@ -134,11 +134,17 @@ std::vector<Proposal> proposeObjects(const Cloud& scene, const std::vector<Indic
                          candidates ? *candidates : Found<std::vector<Candidate>>::none("")});
   }
   if (!changed.empty()) {
-    const Observations observations(scene, tables);
+    std::vector<int> sampled;  // clusters that have changed, alone or in a union
+    for (const std::size_t k : changed)
+      sampled.insert(sampled.end(), unions[k].begin(), unions[k].end());
+    std::sort(sampled.begin(), sampled.end());
+    sampled.erase(std::unique(sampled.begin(), sampled.end()), sampled.end());
     std::vector<Surface> samples(clusters.size());
-    forEach(clusters.size(), options.threads, [&](std::size_t k) {
+    forEach(sampled.size(), options.threads, [&](std::size_t i) {
+      const int k = sampled[i];
       samples[k] = sampleCluster(scene, clusters[k], index.descriptorOptions());
     });
+    const Observations observations(scene, tables);
     forEach(changed.size(), options.threads, [&](std::size_t i) {
       const std::size_t k = changed[i];
       const Surface sample = sampleOf(samples, unions[k]);

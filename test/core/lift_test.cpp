@@ -72,6 +72,28 @@ TEST(Lift, IsNoneWhereSomethingCarriesTheObject) {
       << "in any part, and a little deeper, as behind a rim";
 }
 
+TEST(Lift, StaysWhereTheCameraSawThroughBelowWhatSeemsToCarryTheObject) {
+  // A bar that is held in the air, of whose end the object is a piece, and one that stands there.
+  const auto liftSeen = [](double underside) {
+    const auto scene = scene::render(
+        {{"bar", scene::moved(scene::box(0.10, 0.06, 0.3 - underside), 0, 0, underside),
+          scene::standing(0, 0, 0)}},
+        {});
+    Table table;
+    table.plane = scene.plane;
+    table.T_camera_table = scene.T_camera_table;
+    table.hull = {{-0.5, -0.7}, {0.5, -0.7}, {0.5, 0.7}, {-0.5, 0.7}};
+    const std::vector<Table> tables{table};
+    const std::vector<Surface> parts{transformed(levelPatch(0, 0.18, 0.1), scene.T_camera_table)};
+    static const ModelIndex index({views::modelOf("box", scene::box(0.10, 0.06, 0.12), {})});
+    const Eigen::Isometry3d T = scene.T_camera_table * Eigen::Translation3d(0, 0, 0.18);
+    const Observations observations(scene.cloud, tables);
+    return liftOf(index, 0, T, parts, Marks(parts), observations, tables);
+  };
+  EXPECT_NEAR(liftSeen(0.16), 0.18, MM);
+  EXPECT_EQ(liftSeen(0), 0);
+}
+
 TEST(Lift, StaysWhereNothingLiesRightUnderTheObject) {
   const auto expectStays = [](const Surface& patch, const char* where) {
     EXPECT_NEAR(liftAt(0.06, {patch}), 0.06, 0.1 * MM) << where;
