@@ -143,10 +143,20 @@ float squaredDistance(const ModelIndex& index, const SceneObject& object,
                      : (index.models()[model].surface.points[nearest] - p).squaredNorm();
 }
 
+/// The point of what was picked that is nearest to the one that was pointed at, which may lie
+/// inside.
+Eigen::Vector3f seenPoint(const Pick& pick) {
+  const Cloud& scene = pick.window.cloud;
+  const auto& thing = pick.thing();
+  const auto distance = [&](int i) { return (scene.point(i) - pick.point).squaredNorm(); };
+  return scene.point(*std::min_element(thing.begin(), thing.end(),
+                                       [&](int a, int b) { return distance(a) < distance(b); }));
+}
+
 /// Of the objects in a scene whose first cluster was picked the one at the point.
 SceneObject objectAt(const Pick& pick, const std::vector<Indices>& clusters,
                      const ModelIndex& index, const PipelineOptions& options) {
-  constexpr float POINTED_AT = 0.015f * 0.015f;  // from the point to the object's surface [m^2]
+  constexpr float POINTED_AT = 0.015f * 0.015f;  // from what is seen to the model [m^2]
   const Cloud& scene = pick.window.cloud;
   const std::vector<Table> tables = {pick.table};
   const auto proposals = proposeObjects(scene, clusters, tables, index, options.match);
@@ -154,13 +164,14 @@ SceneObject objectAt(const Pick& pick, const std::vector<Indices>& clusters,
                                      options.refine, options.verify);
   SceneObject best = unknownObject(scene, clusters.front(), FIRST_LABEL, pick.table);
   best.reason = "part of another object";
+  const Eigen::Vector3f seen = seenPoint(pick);
   float least = POINTED_AT;
   for (const auto& object : objects) {
     if (object.name == "unknown") {
       if (best.name == "unknown" && object.labels.front() == FIRST_LABEL) best = object;
       continue;
     }
-    const float squared = squaredDistance(index, object, pick.point);
+    const float squared = squaredDistance(index, object, seen);
     if (squared > least) continue;
     best = object;
     least = squared;
