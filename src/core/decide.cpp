@@ -181,12 +181,17 @@ class Decision {
   /// symmetric.
   void settle(Hypothesis& hypothesis) const {
     const Surface around = samplesAround(hypothesis);
+    const Observation& observation = observations_.about(centroidOf(around.points));
+    const auto points = pointsOfClusters(hypothesis);
+    std::optional<SeenOutline> outline;
+    if (observation.projection)
+      outline.emplace(observation, index_, hypothesis.model, hypothesis.T_camera_object);
+    const SeenOutline* seen = outline ? &*outline : nullptr;
     hypothesis.T_camera_object =
-        bestFreeTurn(index_, hypothesis.model, hypothesis.T_camera_object, around,
-                     observations_.about(centroidOf(around.points)), verify_.tolerance, refine_);
-    const auto settled =
-        settleTurn(index_, hypothesis.model, hypothesis.T_camera_object,
-                   pointsOfClusters(hypothesis), coloredOf(hypothesis), tables_, refine_);
+        bestFreeTurn(index_, hypothesis.model, hypothesis.T_camera_object, around, observation,
+                     seen, verify_.tolerance, refine_);
+    const auto settled = settleTurn(index_, hypothesis.model, hypothesis.T_camera_object, points,
+                                    coloredOf(hypothesis), seen, tables_, refine_);
     if (!settled) return;
     hypothesis.T_camera_object = settled->T_camera_object;
     hypothesis.rms = settled->rms;

@@ -7,6 +7,7 @@
 
 #include "lowest_point.h"
 #include "near_model.h"
+#include "outline.h"
 #include "simd.h"
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/symmetry.h"
@@ -40,6 +41,7 @@ struct Fit {
   double contact_cost = 0;      ///< negative log likelihood of its height above the table
   std::optional<double> color;  ///< likeness of the colours
   double color_cost = 0;        ///< negative log likelihood of them
+  OffOutline outline;           ///< where it is not the one that is seen
   double cost = 0;              ///< of everything, the points included
 };
 
@@ -50,7 +52,8 @@ struct Scene {
   Surface points;        ///< about it
   PlanarSurface source;  ///< the same
   const ColoredPoints& colored;
-  const Table* table;  ///< null for none
+  const Table* table;          ///< null for none
+  const SeenOutline* outline;  ///< null: it does not count
 };
 
 /// How unlikely it is that a model stands on the table like this: negative log likelihood.
@@ -106,6 +109,7 @@ Fit fitFrom(const Fit& start, const Scene& scene, const RefineOptions& refine) {
   fit.mean_square = sum / static_cast<double>(scene.points.size());
   if (scene.table) fit.contact_cost = contactCost(surface, fit.T_camera_object, *scene.table);
   spinByColor(scene, fit);
+  if (scene.outline) fit.outline = scene.outline->offAt(fit.T_camera_object);
   return fit;
 }
 
@@ -128,13 +132,17 @@ std::vector<int> patchesOf(const std::vector<Eigen::Vector3f>& points,
 /// how many standard deviations the sum of what each patch has against it is off zero (Vuong 1989).
 /// Patches and not points, because a real camera's errors are alike over centimetres.
 double shapeCost(const Fit& fit, const Fit& closest, const std::vector<int>& patches) {
-  std::vector<double> against(patches.size(), 0);  // no more patches than points
-  for (std::size_t i = 0; i < patches.size(); ++i)
+  std::vector<double> against(patches.size(), 0), sizes(patches.size(), 0);  // more than patches
+  for (std::size_t i = 0; i < patches.size(); ++i) {
     against[patches[i]] += fit.squares[i] - closest.squares[i];
-  double sum = 0, variance = 0;
-  for (const double of_patch : against) {
-    sum += of_patch;
-    variance += of_patch * of_patch;
+    ++sizes[patches[i]];
+  }
+  const double sum = std::accumulate(against.begin(), against.end(), 0.0);
+  const double mean = sum / static_cast<double>(patches.size());  // of a point
+  double variance = 0;
+  for (std::size_t k = 0; k < against.size(); ++k) {
+    const double off = against[k] - mean * sizes[k];
+    variance += off * off;
   }
   return variance > 0 ? sum * sum / variance / 2 : 0;
 }
@@ -147,10 +155,14 @@ std::vector<Fit> fitsFrom(const std::vector<Fit>& starts, const Scene& scene,
   const Fit closest = *std::min_element(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) {
     return a.mean_square < b.mean_square;
   });
+  const OffOutline cleanest =
+      std::min_element(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) {
+        return a.outline.pixels < b.outline.pixels;
+      })->outline;
   const auto patches = patchesOf(scene.points.points, starts.front().T_camera_object);
   for (auto& fit : fits)
-    fit.cost = shapeCost(fit, closest, patches) + fit.contact_cost + fit.color_cost -
-               (fit.at_hand ? TURN_AT_HAND : 0);
+    fit.cost = shapeCost(fit, closest, patches) + fit.contact_cost + fit.color_cost +
+               outlineCost(fit.outline, cleanest) - (fit.at_hand ? TURN_AT_HAND : 0);
   std::stable_sort(fits.begin(), fits.end(),
                    [](const Fit& a, const Fit& b) { return a.cost < b.cost; });
   return fits;
@@ -187,7 +199,7 @@ double probabilityOfFirst(const std::vector<Fit>& fits, const Symmetry& symmetry
 std::optional<SettledPose> settleTurn(const ModelIndex& index, int model,
                                       const Eigen::Isometry3d& T_camera_object,
                                       const std::vector<Eigen::Vector3f>& points,
-                                      const ColoredPoints& colored,
+                                      const ColoredPoints& colored, const SeenOutline* outline,
                                       const std::vector<Table>& tables,
                                       const RefineOptions& refine) {
   const Surface near =
@@ -197,8 +209,8 @@ std::optional<SettledPose> settleTurn(const ModelIndex& index, int model,
       tables.empty() ? nullptr : &tables[tableUnder(tables, centroidOf(near.points))];
   RefineOptions fine = refine;
   fine.start_distance = fine.max_distance = TURN_DISTANCE;
-  const auto sceneOf = [&](const Surface& points_about) -> Scene {
-    return {index, model, points_about, points_about, colored, table};
+  const auto sceneOf = [&](const Surface& points_about, const SeenOutline* seen) -> Scene {
+    return {index, model, points_about, points_about, colored, table, seen};
   };
   std::vector<Fit> fits(1);
   fits.front().T_camera_object = T_camera_object;
@@ -207,12 +219,12 @@ std::optional<SettledPose> settleTurn(const ModelIndex& index, int model,
     fits.emplace_back();
     fits.back().T_camera_object = T_camera_object * turn;
   }
-  fits = fitsFrom(fits, sceneOf(thinned(near, FEW_TURN_POINTS)), fine);
+  fits = fitsFrom(fits, sceneOf(thinned(near, FEW_TURN_POINTS), nullptr), fine);
   const double hopeless = fits.front().cost + HOPELESS;
   fits.erase(
       std::find_if(fits.begin(), fits.end(), [&](const Fit& fit) { return fit.cost > hopeless; }),
       fits.end());
-  fits = fitsFrom(fits, sceneOf(near), fine);
+  fits = fitsFrom(fits, sceneOf(near, fits.size() > 1 ? outline : nullptr), fine);
   const Fit& best = fits.front();
   return SettledPose{best.T_camera_object, std::sqrt(best.mean_square), best.color,
                      probabilityOfFirst(fits, index.models()[model].symmetry)};

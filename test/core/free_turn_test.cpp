@@ -36,8 +36,18 @@ class Thing {
   Eigen::Isometry3d found(const Eigen::Isometry3d& truth, const Eigen::Isometry3d& start) const {
     const Cloud image = views::imageOf(mesh_, truth);
     return bestFreeTurn(index_, 0, start, views::sampled(image),
-                        observe(image, nullptr, scene::SceneOptions().projection), 0.008,
+                        observe(image, nullptr, scene::SceneOptions().projection), nullptr, 0.008,
                         RefineOptions());
+  }
+
+  /// The same where the points are of another mesh, and the picture and its outline of this one.
+  Eigen::Isometry3d foundByOutline(const Mesh& seen, const Eigen::Isometry3d& truth,
+                                   const Eigen::Isometry3d& start, bool with_outline) const {
+    const Cloud image = views::imageOf(mesh_, truth);
+    const auto observation = observe(image, nullptr, scene::SceneOptions().projection);
+    const SeenOutline outline(observation, index_, 0, start);
+    return bestFreeTurn(index_, 0, start, views::sampled(views::imageOf(seen, truth)), observation,
+                        with_outline ? &outline : nullptr, 0.008, RefineOptions());
   }
 
  private:
@@ -55,6 +65,20 @@ TEST(FreeTurn, BringsTheHandleOfAMugWhereItIsSeen) {
     const Eigen::Matrix3d between = truth.linear().transpose() * found.linear();
     EXPECT_LT(angleOf(between), 0.1) << angle;
     EXPECT_LT((truth.translation() - found.translation()).norm(), 0.003) << angle;
+  }
+}
+
+TEST(FreeTurn, BringsAHandleThatNoClusterHoldsWhereItsOutlineIs) {
+  const Thing thing(mug());
+  const auto truth = thing.seenFrom({0.2, -1, 0.7});
+  const auto angleBetween = [&](const Eigen::Isometry3d& found) {
+    return angleOf(Eigen::Matrix3d(truth.linear().transpose() * found.linear()));
+  };
+  for (const double angle : {1.5, 1.0}) {
+    const auto start = truth * turnedBy(angle);
+    const Mesh body = scene::cylinder(0.045, 0.1);
+    EXPECT_LT(angleBetween(thing.foundByOutline(body, truth, start, true)), 0.1) << angle;
+    EXPECT_GT(angleBetween(thing.foundByOutline(body, truth, start, false)), 0.5) << angle;
   }
 }
 
