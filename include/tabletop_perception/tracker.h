@@ -45,6 +45,8 @@ struct Sighting {
   PoseCovariance covariance = PoseCovariance::Zero();  ///< zero: not known, nothing is filtered
   Symmetry symmetry;                                   ///< of the object
   std::optional<Eigen::Vector3d> middle;  ///< of what was seen of it, where it is known
+  double turn = 1;      ///< probability of its turn, among those in which it looks nearly the same
+  bool decided = true;  ///< that turn was decided by this frame, not taken over from the last
 };
 
 /// A thing as the tracker knows it.
@@ -66,7 +68,9 @@ struct TrackedThing {
 ///
 /// Of poses that look the same the one nearest to the last is taken. A pose is the mean of all
 /// sightings by their covariances (a Kalman filter of a thing at rest) until one contradicts it:
-/// then the thing has moved, and the mean begins anew.
+/// then the thing has moved, and the mean begins anew. A thing that is where it was but seems to be
+/// turned over keeps its pose until what speaks for the new turn, sighting by sighting, outweighs
+/// what spoke for the old one (the log odds of both add up).
 class Tracker {
  public:
   explicit Tracker(const TrackerOptions& options = {}) : options_(options) {}
@@ -88,6 +92,7 @@ class Tracker {
     double first, last;                     ///< sighting [s]
     std::optional<Eigen::Vector3d> middle;  ///< of what was seen of it last, under whatever name
     double followed;                        ///< when that was [s]
+    double turn_odds = 0;                   ///< logarithm of those for its turn
   };
 
   struct Pair {
@@ -100,6 +105,8 @@ class Tracker {
   double reachOf(const Track& track) const;
   double distanceBetween(const Track& track, const Sighting& sighting) const;
   void add(Track& track, double stamp, const Sighting& sighting) const;
+  static bool keepsTurn(Track& track, const std::optional<Eigen::Vector3d>& middle,
+                        const Eigen::Isometry3d& pose, const Sighting& sighting);
   void followUnnamed(const std::vector<Sighting>& sightings);
 
   TrackerOptions options_;

@@ -17,6 +17,12 @@ constexpr double TURN_PER_SHIFT = 10;    // of creeping things [rad/m]
 constexpr double CONTRADICTION = 22.46;  // squared Mahalanobis distance, 99.9 % of 6 degrees
 constexpr double SEEN_EVENLY = 0.0003;   // error that sightings share and no mean takes out [m]
 
+constexpr double TURNED_ANGLE = 0.5;     // from which on a thing is turned over [rad]
+constexpr double TURNED_SHIFT = 0.03;    // from which on it has been moved, besides [m]
+constexpr double SUREST_TURN = 0.99;     // that a single sighting can be
+constexpr double LEAST_TURN_ODDS = 0.1;  // logarithm, of the turn that a sighting prefers
+constexpr double MAX_TURN_ODDS = 8;      // logarithm; more would take a thing long to lose
+
 constexpr char UNKNOWN[] = "unknown";  // name of what has none
 
 /// The angle [rad] by which to turn about an axis, after R, to come nearest to no turn at all.
@@ -76,13 +82,38 @@ PoseCovariance evenCovariance(double shift) {
 
 }  // namespace
 
+/// Counts a sighting for or against the turn that a thing is held in: whether it stays in it,
+/// although the sighting says otherwise.
+bool Tracker::keepsTurn(Track& track, const std::optional<Eigen::Vector3d>& middle,
+                        const Eigen::Isometry3d& pose, const Sighting& sighting) {
+  const Eigen::Isometry3d& last = track.thing.T_world_object;
+  const double sure = std::min(SUREST_TURN, sighting.turn);
+  const double odds = std::max(LEAST_TURN_ODDS, std::log(sure / (1 - sure)));
+  const double moved = middle && sighting.middle ? (*middle - *sighting.middle).norm()
+                                                 : (last.translation() - pose.translation()).norm();
+  if (track.thing.covariance.isZero() || moved > TURNED_SHIFT) {
+    track.turn_odds = odds;
+    return false;
+  }
+  const double angle =
+      Eigen::AngleAxisd(Eigen::Matrix3d(last.linear().transpose() * pose.linear())).angle();
+  if (angle < TURNED_ANGLE) {
+    if (sighting.decided) track.turn_odds = std::min(MAX_TURN_ODDS, track.turn_odds + odds);
+    return false;
+  }
+  track.turn_odds -= odds;
+  if (track.turn_odds >= 0) return true;
+  track.turn_odds = odds;
+  return false;
+}
+
 void Tracker::add(Track& track, double stamp, const Sighting& sighting) const {
   TrackedThing& thing = track.thing;
   const double passed = std::max(0.0, stamp - track.last);
   track.last = stamp;
-  track.middle = sighting.middle;
   track.followed = stamp;
   thing.confirmed = thing.confirmed || stamp - track.first >= options_.confirm;
+  const auto middle_before = std::exchange(track.middle, sighting.middle);
   if (sighting.covariance.isZero()) {
     thing.T_world_object = sighting.T_world_object;
     thing.covariance.setZero();
@@ -90,6 +121,10 @@ void Tracker::add(Track& track, double stamp, const Sighting& sighting) const {
   }
   const Eigen::Isometry3d pose =
       nearestAlike(sighting.T_world_object, thing.T_world_object, sighting.symmetry);
+  if (keepsTurn(track, middle_before, pose, sighting)) {
+    thing.covariance += passed * evenCovariance(options_.drift);
+    return;
+  }
   const PoseCovariance seen = sighting.covariance + evenCovariance(SEEN_EVENLY);
   const PoseCovariance before = thing.covariance + passed * evenCovariance(options_.drift);
   const Vector6d step = stepBetween(thing.T_world_object, pose);

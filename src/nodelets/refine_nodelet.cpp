@@ -204,7 +204,8 @@ class RefineNodelet : public StageNodelet {
       sightings.push_back({object.name, T_track_camera * object.T_camera_object,
                            turnedCovariance(object.uncertainty.covariance, T_track_camera.linear()),
                            model < 0 ? Symmetry() : index.models()[model].symmetry,
-                           T_track_camera * object.box.T_camera_box.translation()});
+                           T_track_camera * object.box.T_camera_box.translation(),
+                           object.evidence.turn, !object.followed});
     }
     tracker_.setOptions(options_.track);
     const auto things = tracker_.update(stamp.toSec(), sightings);

@@ -197,7 +197,7 @@ void addEvaluate(CLI::App& app) {
       "and x within 10 deg of its longer side.\n"
       "Jitter: distances from each thing's mean position and mean rotation over the frames; a flip "
       "is\n"
-      "a turn by over 30 deg from one sighting to the next.\n"
+      "a turn by over 30 deg from one sighting to the next; the same of what the tracker makes of them.\n"
       "Exit code: 0 done, 2 bad usage or unreadable input.\n"
       "Example: tabletop evaluate --labels truth --results segmented");
   command->callback([arguments] { evaluate(*arguments); });

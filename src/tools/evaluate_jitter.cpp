@@ -25,8 +25,9 @@ constexpr double MEMORY = 1e6;                  // a thing is never forgotten [s
 /// A thing over the frames of a scene.
 struct Track {
   std::string scene, name;
-  std::vector<Eigen::Isometry3d> poses;
-  std::size_t frames = 0;  ///< of the scene
+  std::vector<Eigen::Isometry3d> poses;    ///< as they were recognised
+  std::vector<Eigen::Isometry3d> tracked;  ///< as the tracker has them
+  std::size_t frames = 0;                  ///< of the scene
 };
 
 /// How a thing that stands still moves.
@@ -36,12 +37,11 @@ struct Jitter {
   std::size_t flips = 0;
 };
 
-Jitter jitterOf(const Track& track) {
-  const Deviations deviations = deviationsFromMean(track.poses);
+Jitter jitterOf(const std::vector<Eigen::Isometry3d>& poses) {
+  const Deviations deviations = deviationsFromMean(poses);
   Jitter jitter{spreadOf(deviations.shifts), spreadOf(deviations.turns), 0};
-  for (std::size_t i = 1; i < track.poses.size(); ++i)
-    jitter.flips +=
-        angleOf(track.poses[i - 1].linear().transpose() * track.poses[i].linear()) > FLIP_ANGLE;
+  for (std::size_t i = 1; i < poses.size(); ++i)
+    jitter.flips += angleOf(poses[i - 1].linear().transpose() * poses[i].linear()) > FLIP_ANGLE;
   return jitter;
 }
 
@@ -69,7 +69,13 @@ std::vector<Track> tracksOf(const std::string& scene, const std::vector<fs::path
     const auto objects = readResults(file);
     std::vector<Sighting> sightings;
     for (const auto& object : objects)
-      sightings.push_back({object.name, object.T_camera_object, PoseCovariance::Zero(), {}, {}});
+      sightings.push_back({object.name,
+                           object.T_camera_object,
+                           object.covariance,
+                           {},
+                           object.middle,
+                           object.evidence ? object.evidence->turn : 1,
+                           true});
     const auto things = tracker.update(stamp += FRAME_TIME, sightings);
     for (std::size_t i = 0; i < objects.size(); ++i) {
       Track& track = tracks[things[i].id];
@@ -77,6 +83,7 @@ std::vector<Track> tracksOf(const std::string& scene, const std::vector<fs::path
       track.name = objects[i].name;
       track.frames = files.size();
       track.poses.push_back(objects[i].T_camera_object);
+      track.tracked.push_back(things[i].T_world_object);
     }
   }
   std::vector<Track> all;
@@ -84,50 +91,57 @@ std::vector<Track> tracksOf(const std::string& scene, const std::vector<fs::path
   return all;
 }
 
-ordered_json trackJson(const Track& track, const Jitter& jitter) {
+ordered_json jitterJson(const Jitter& jitter) {
   const auto spread = [](const Spread& values) {
     return ordered_json{{"mean", values.mean}, {"p95", values.p95}};
   };
-  return {{"scene", track.scene},
-          {"name", track.name},
-          {"frames", track.frames},
-          {"seen", track.poses.size()},
-          {"translation", spread(jitter.translation)},
+  return {{"translation", spread(jitter.translation)},
           {"rotation", spread(jitter.rotation)},
           {"flips", jitter.flips}};
 }
 
-std::vector<std::string> trackRow(const Track& track, const Jitter& jitter) {
+void addCells(const Jitter& jitter, std::vector<std::string>& row) {
   constexpr double DEG = 180 / M_PI;
-  return {track.scene + " " + track.name,
-          std::to_string(track.poses.size()) + "/" + std::to_string(track.frames),
-          formatted(jitter.translation.mean, 1000, 2),
-          formatted(jitter.translation.p95, 1000, 2),
-          formatted(jitter.rotation.mean, DEG, 2),
-          formatted(jitter.rotation.p95, DEG, 2),
-          std::to_string(jitter.flips)};
+  for (const double shift : {jitter.translation.mean, jitter.translation.p95})
+    row.push_back(formatted(shift, 1000, 2));
+  for (const double turn : {jitter.rotation.mean, jitter.rotation.p95})
+    row.push_back(formatted(turn, DEG, 2));
+  row.push_back(std::to_string(jitter.flips));
 }
 
 }  // namespace
 
 void evaluateJitter(const fs::path& results, bool json) {
   auto objects = ordered_json::array();
-  std::vector<std::vector<std::string>> rows{
-      {"", "seen", "mean mm", "p95 mm", "mean deg", "p95 deg", "flips"}};
-  std::size_t flips = 0;
+  std::vector<std::vector<std::string>> rows{{"", "seen", "mean mm", "p95 mm", "mean deg",
+                                              "p95 deg", "flips", "tracked: mean mm", "p95 mm",
+                                              "mean deg", "p95 deg", "flips"}};
+  std::size_t flips = 0, tracked_flips = 0;
   for (const auto& [scene, files] : framesIn(results))
     for (const auto& track : tracksOf(scene, files)) {
-      const Jitter jitter = jitterOf(track);
+      const Jitter jitter = jitterOf(track.poses), tracked = jitterOf(track.tracked);
       flips += jitter.flips;
-      objects.push_back(trackJson(track, jitter));
-      rows.push_back(trackRow(track, jitter));
+      tracked_flips += tracked.flips;
+      ordered_json object{{"scene", track.scene},
+                          {"name", track.name},
+                          {"frames", track.frames},
+                          {"seen", track.poses.size()}};
+      object.update(jitterJson(jitter));
+      object["tracked"] = jitterJson(tracked);
+      objects.push_back(object);
+      rows.push_back({track.scene + " " + track.name,
+                      std::to_string(track.poses.size()) + "/" + std::to_string(track.frames)});
+      addCells(jitter, rows.back());
+      addCells(tracked, rows.back());
     }
   if (json) {
-    std::printf("%s\n", ordered_json{{"objects", objects}, {"flips", flips}}.dump().c_str());
+    const ordered_json all{
+        {"objects", objects}, {"flips", flips}, {"tracked_flips", tracked_flips}};
+    std::printf("%s\n", all.dump().c_str());
     return;
   }
   printColumns(rows);
-  std::printf("flips: %zu\n", flips);
+  std::printf("flips: %zu as recognised, %zu as tracked\n", flips, tracked_flips);
 }
 
 }  // namespace tabletop_perception::tools

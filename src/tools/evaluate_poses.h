@@ -11,6 +11,7 @@
 
 #include "tabletop_perception/bop_metrics.h"
 #include "tabletop_perception/pose_metrics.h"
+#include "tabletop_perception/tracker.h"
 #include "tabletop_perception/verify.h"
 #include "true_poses.h"
 
@@ -19,9 +20,10 @@ namespace tabletop_perception::tools {
 
 /// What a result gives a name.
 struct NamedResult : PosedObject {
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  ///< of its points, else of its frame [m]
-  std::optional<double> score;                       ///< where the result says it
-  std::optional<Evidence> evidence;                  ///< likewise
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();    ///< of its points, else of its frame [m]
+  std::optional<double> score;                         ///< where the result says it
+  std::optional<Evidence> evidence;                    ///< likewise
+  PoseCovariance covariance = PoseCovariance::Zero();  ///< of the pose; zero where it is not said
 };
 
 /// A scene of the truth, and how its result came out.

@@ -56,11 +56,16 @@ std::vector<NamedResult> readResults(const fs::path& file) {
   std::vector<NamedResult> results;
   visitJson(file, [&](const json& content) {
     visitObjects(content, file, [&](const std::string& name, const json& object) {
-      NamedResult one{{name, poseFromParts(object.at("pose"))}, {}, std::nullopt, std::nullopt};
+      NamedResult one;
+      one.name = name;
+      one.T_camera_object = poseFromParts(object.at("pose"));
       if (const auto score = object.find("score"); score != object.end())
         one.score = score->get<double>();
       if (const auto evidence = object.find("evidence"); evidence != object.end())
         one.evidence = evidenceFrom(*evidence);
+      if (const auto rows = object.find("covariance"); rows != object.end())
+        for (int r = 0; r < 6; ++r)
+          for (int c = 0; c < 6; ++c) one.covariance(r, c) = rows->at(r).at(c).get<double>();
       const auto box = object.find("box");
       one.middle = box == object.end() ? one.T_camera_object.translation()
                                        : poseFromParts(box->at("pose")).translation();

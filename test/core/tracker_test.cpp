@@ -300,6 +300,46 @@ TEST(Tracker, aThingThatMayTurnFreelyDoesNotSpin) {
   }
 }
 
+/// A thing at rest of which every so many sightings says that it is upside down.
+class TurnedOver : public testing::Test {
+ protected:
+  Eigen::Isometry3d afterFrame(bool turned, double sure, bool decided = true) {
+    Sighting sighting = noisy_.of(turned ? upside_down_ : POSE);
+    sighting.middle = POSE.translation();
+    sighting.turn = sure;
+    sighting.decided = decided;
+    return tracker_.update(frame_++ / 30.0, {sighting})[0].T_world_object;
+  }
+
+  const Eigen::Isometry3d upside_down_ =
+      POSE * Eigen::Translation3d(0.01, 0, 0) * Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitX());
+  Tracker tracker_;
+  Noisy noisy_{0.001, 0.01};
+  int frame_ = 0;
+};
+
+TEST_F(TurnedOver, aThingStaysAsItIsWhereMostSightingsSaySo) {
+  for (int i = 0; i < 300; ++i) EXPECT_LT(turnBetween(afterFrame(i % 3 == 2, 0.7), POSE), 0.1) << i;
+}
+
+TEST_F(TurnedOver, aThingIsTurnedWhereMoreSpeaksForIt) {
+  for (int i = 0; i < 3; ++i) afterFrame(false, 0.7);
+  EXPECT_LT(turnBetween(afterFrame(true, 0.7), POSE), 0.1);
+  EXPECT_LT(turnBetween(afterFrame(true, 0.95), upside_down_), 0.1) << "more than 3 times 0.7";
+}
+
+TEST_F(TurnedOver, aThingThatWasTurnedIsSoonSeenSo) {
+  for (int i = 0; i < 300; ++i) afterFrame(false, 0.999);
+  int frames = 1;
+  while (turnBetween(afterFrame(true, 0.999), upside_down_) > 0.1) ASSERT_LT(++frames, 4);
+}
+
+TEST_F(TurnedOver, whatWasTakenOverFromTheLastFrameSpeaksForNothing) {
+  afterFrame(false, 0.7);
+  for (int i = 0; i < 100; ++i) afterFrame(false, 0.7, false);
+  EXPECT_LT(turnBetween(afterFrame(true, 0.8), upside_down_), 0.1);
+}
+
 TEST(Tracker, withoutACovarianceAPoseIsTakenAsItIs) {
   Tracker tracker;
   tracker.update(0, {at("unknown", 0)});

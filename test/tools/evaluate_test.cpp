@@ -339,12 +339,15 @@ TEST(EvaluateCommand, wantsOneTruthAndModelsForPoses) {
 class EvaluateJitter : public testing::Test {
  protected:
   /// A frame that shows one thing, turned about z.
-  void write(int frame, double x, double degrees) {
+  void write(int frame, double x, double degrees, double deviation = 0) {
     const double half = degrees * M_PI / 360;
+    auto covariance = std::vector<std::vector<double>>(6, std::vector<double>(6, 0));
+    for (int i = 0; i < 6; ++i) covariance[i][i] = deviation * deviation;
     const json object = {
         {"name", "mug"},
         {"pose",
-         {{"position", {x, 0, 1}}, {"orientation", {0, 0, std::sin(half), std::cos(half)}}}}};
+         {{"position", {x, 0, 1}}, {"orientation", {0, 0, std::sin(half), std::cos(half)}}}},
+        {"covariance", covariance}};
     folder.write("results/000003_" + std::to_string(frame) + ".json",
                  json{{"objects", json::array({object})}}.dump());
   }
@@ -377,6 +380,14 @@ TEST_F(EvaluateJitter, CountsFlipsAndFramesWithoutTheThing) {
   EXPECT_EQ(all["flips"], 1);
   EXPECT_EQ(all["objects"][0]["seen"], 3);
   EXPECT_EQ(all["objects"][0]["frames"], 4);
+}
+
+TEST_F(EvaluateJitter, TellsWhatTheTrackerMakesOfThem) {
+  for (int frame = 0; frame < 8; ++frame) write(frame, 0, frame == 5 ? 90 : 0, 0.001);
+  const auto all = figures();
+  EXPECT_EQ(all["flips"], 2);
+  EXPECT_EQ(all["tracked_flips"], 0);
+  EXPECT_NEAR(all["objects"][0]["tracked"]["rotation"]["p95"], 0, 1e-6);
 }
 
 TEST_F(EvaluateJitter, WithoutFramesThereIsNothingToEvaluate) {
