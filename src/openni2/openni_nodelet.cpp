@@ -16,6 +16,7 @@
 #include "color_partner.h"
 #include "conversions.h"
 #include "device_clock.h"
+#include "lasting_thread.h"
 #include "openni_camera.h"
 #include "stage_nodelet.h"
 #include "tabletop_perception/OpenniConfig.h"
@@ -77,7 +78,7 @@ class OpenniNodelet : public StageNodelet {
  public:
   ~OpenniNodelet() override {
     stop_ = true;
-    if (thread_.joinable()) thread_.join();
+    thread_.reset();
   }
 
  private:
@@ -96,7 +97,7 @@ class OpenniNodelet : public StageNodelet {
     registered_ = advertiseImages("depth_registered");
     registered_.metres = advertise<sensor_msgs::Image>("depth_registered/image");
     points_pub_ = advertise<CloudMessage>("depth_registered/points");
-    thread_ = std::thread([this] { run(); });
+    thread_.emplace([this] { run(); });
   }
 
   // What is listened to is looked at before every image.
@@ -240,7 +241,7 @@ class OpenniNodelet : public StageNodelet {
   Clock::time_point last_image_;
 
   std::atomic<bool> stop_{false};
-  std::thread thread_;
+  std::optional<LastingThread> thread_;
 };
 
 }  // namespace tabletop_perception
