@@ -2,6 +2,7 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -127,6 +128,7 @@ class RefineNodelet : public StageNodelet {
     attempt(candidates->header.stamp, [&] {
       const ModelIndex& index = models_->update();
       const auto standing_on = tablesFromMessage(*tables);
+      forgetOtherFrames(candidates->header.frame_id);
       const Eigen::Isometry3d T_track_camera = cameraInTrackFrame(candidates->header);
       const double stamp = candidates->header.stamp.toSec();
       auto objects =
@@ -186,6 +188,19 @@ class RefineNodelet : public StageNodelet {
     GraspOptions options;
     readOptions(getNodeHandle(), "grasp", options);
     return options;
+  }
+
+  /// What is remembered is in the frame of the clouds, unless track_frame is set: it would be sent
+  /// in a wrong one when that changes. Ids count on.
+  void forgetOtherFrames(const std::string& frame) {
+    if (frame == cloud_frame_) return;
+    if (track_frame_.empty() && !cloud_frame_.empty()) {
+      warn("clouds come in the frame " + frame + " now, before in " + cloud_frame_ +
+           ": what was seen there is forgotten (track_frame would keep it)");
+      memory_ = {};
+      tracker_.update(std::numeric_limits<double>::infinity(), {});  // after all memory
+    }
+    cloud_frame_ = frame;
   }
 
   /// Where the camera was in the frame that things are tracked in. Throws when tf does not know.
@@ -334,6 +349,7 @@ class RefineNodelet : public StageNodelet {
   PipelineOptions options_;  ///< match, refine, verify and track count
   bool publish_tf_ = true;
   std::string track_frame_;
+  std::string cloud_frame_;  ///< of the last frame
   std::optional<ModelSource> models_;
   ObjectMemory memory_;
   Tracker tracker_;
