@@ -93,6 +93,10 @@ class RefineNodelet : public StageNodelet {
     followOptions("match", options_.match);
     serveOptions<TrackConfig>(ros::NodeHandle(getNodeHandle(), "track"), options_.track);
 
+    // Now, and not with the first frame: who calls a graph that sleeps would wait for it.
+    reading_ = getPrivateNodeHandle().createWallTimer(
+        ros::WallDuration(0.01), [this](const auto&) { models(); }, true);
+
     sync_.registerCallback(&RefineNodelet::onFrame, this);
     objects_pub_ = advertise<RecognizedObjectArray>("objects");
     grasps_pub_ = getPrivateNodeHandle().advertise<geometry_msgs::PoseArray>("grasps", 5, true);
@@ -122,11 +126,18 @@ class RefineNodelet : public StageNodelet {
 
   bool wantedAnyway() override { return publish_tf_ || calls_ > 0; }
 
+  /// What the database holds by now.
+  const ModelIndex& models() {
+    const ModelIndex& index = models_->update();
+    health().setValue("objects known", std::to_string(index.models().size()));
+    return index;
+  }
+
   void onFrame(const CandidateArrayConstPtr& candidates, const CloudMessageConstPtr& clusters,
                const TableArrayConstPtr& tables,
                const ros::MessageEvent<const CloudMessage>& cloud) {
     attempt(candidates->header.stamp, [&] {
-      const ModelIndex& index = models_->update();
+      const ModelIndex& index = models();
       const auto standing_on = tablesFromMessage(*tables);
       forgetOtherFrames(candidates->header.frame_id);
       const Eigen::Isometry3d T_track_camera = cameraInTrackFrame(candidates->header);
@@ -379,6 +390,7 @@ class RefineNodelet : public StageNodelet {
   ros::CallbackQueue service_queue_;
   ros::ServiceServer service_;
   std::unique_ptr<ros::AsyncSpinner> spinner_;
+  ros::WallTimer reading_;  ///< last: when it goes it waits for what it called
 };
 
 }  // namespace tabletop_perception
