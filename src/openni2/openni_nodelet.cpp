@@ -126,6 +126,7 @@ class OpenniNodelet : public StageNodelet {
         step();
       } catch (const std::exception& error) {
         camera_.reset();
+        health().dropped(error.what());
         warn(error.what());
         pause(RETRY);
       }
@@ -171,7 +172,9 @@ class OpenniNodelet : public StageNodelet {
     const auto frame = camera_->read(IDLE);
     if (frame) {
       last_image_ = Clock::now();
-      publish(*frame, wants_color);
+      const auto start = Clock::now();
+      const ros::Time stamp = publish(*frame, wants_color);
+      if (frame->depth || !wants_depth) health().answered(stamp, Clock::now() - start);
     } else if (Clock::now() - last_image_ > SILENCE) {
       throw std::runtime_error("camera " + camera_->name() + " sends no images, opened anew");
     }
@@ -189,7 +192,8 @@ class OpenniNodelet : public StageNodelet {
       warn("camera " + camera_->name() + " has no colour, nothing comes on rgb");
   }
 
-  void publish(const OpenniFrame& frame, bool color_comes) {
+  /// Gives back when the image was taken.
+  ros::Time publish(const OpenniFrame& frame, bool color_comes) {
     std_msgs::Header header;
     const bool by_color = !frame.depth || used_.registration;
     header.frame_id = by_color ? rgb_frame_ : depth_frame_;
@@ -199,10 +203,11 @@ class OpenniNodelet : public StageNodelet {
     topics.info.publish(messageFromCamera(frame.camera, header));
     topics.raw.publish(image);
     if (heard(topics.metres)) topics.metres.publish(inMetres(*image));
-    if (!heard(points_pub_) || !used_.registration) return;
+    if (!heard(points_pub_) || !used_.registration) return header.stamp;
     for (const auto& [depth, color] :
          frame.depth ? partner_.addDepth(image, color_comes) : partner_.addColor(image))
       publishPoints(*depth, color.get(), frame.camera);
+    return header.stamp;
   }
 
   void publishPoints(const sensor_msgs::Image& depth, const sensor_msgs::Image* color,

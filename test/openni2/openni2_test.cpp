@@ -1,3 +1,4 @@
+#include <diagnostic_msgs/DiagnosticArray.h>
 #include <gtest/gtest.h>
 #include <nodelet/NodeletUnload.h>
 #include <sensor_msgs/CameraInfo.h>
@@ -224,8 +225,20 @@ class Openni2 : public testing::Test {
     }
   }
 
+  /// Whether diagnostics say of the camera what ends so, from now on.
+  bool says(const std::string& end) {
+    said_.clear();
+    return spinUntil([&] { return said_.find(end + "\n") != std::string::npos; }, 5);
+  }
+
   ros::NodeHandle nh_;
   LogRecorder log_{nh_};
+  std::string said_;
+  ros::Subscriber diagnostics_ = nh_.subscribe<diagnostic_msgs::DiagnosticArray>(
+      "/diagnostics", 100, [this](const auto& message) {
+        for (const auto& status : message->status)
+          if (status.name == "camera: frames") said_ += status.message + "\n";
+      });
 };
 
 TEST_F(Openni2, imagesAndCloudComeInTheirFramesAndOfOneMoment) {
@@ -290,6 +303,7 @@ TEST_F(Openni2, comesBackWhenItIsPluggedInAgain) {
   ASSERT_TRUE(spinUntil([&] { return clouds.all().size() > 3 && log_.connected(); }, 20));
   std::ofstream(unplugged()) << '\n';
   EXPECT_TRUE(spinUntil([&] { return log_.has("synthetic://0 (serial S1701) is gone"); }, 10));
+  EXPECT_TRUE(says("no frame answered: no OpenNI2 camera is connected"));
   spinUntil([] { return false; }, 0.5);  // what is still on its way
   const auto before = clouds.all().size();
   spinUntil([] { return false; }, 2);
@@ -297,6 +311,7 @@ TEST_F(Openni2, comesBackWhenItIsPluggedInAgain) {
 
   std::filesystem::remove(unplugged());
   EXPECT_TRUE(spinUntil([&] { return clouds.all().size() > before + 3; }, 10));
+  EXPECT_TRUE(says("frames per second"));
   const auto frame = namedFrame("/perception/refine/objects");
   ASSERT_TRUE(frame);
   expectTruth(*frame);
