@@ -19,8 +19,8 @@ namespace {
 
 /// What the plug-in puts before the PNG: how inverse depth became whole numbers.
 struct DepthHeader {
-  std::int32_t format = 0;
-  float a = 0, b = 0;  ///< depth [m] = a / (number - b); zeros: the numbers are millimetres
+  std::int32_t format = 0;  ///< inverse depth, the only one
+  float a = 0, b = 0;       ///< depth [m] = a / (number - b); zeros: the numbers are millimetres
 };
 
 /// The least that pays: higher levels take several times as long for a tenth of the bytes.
@@ -40,6 +40,9 @@ sensor_msgs::ImagePtr messageOf(const cv::Mat& pixels, const std::string& encodi
 }
 
 sensor_msgs::ImagePtr depthFromCompressed(const sensor_msgs::CompressedImage& message) {
+  if (message.format.find("compressedDepth rvl") != std::string::npos)
+    throw std::invalid_argument("'" + message.format +
+                                "' is not read: the plug-in's parameter format must be png");
   DepthHeader header;
   cv::Mat numbers;
   if (message.data.size() > sizeof header) {
@@ -112,7 +115,7 @@ sensor_msgs::CompressedImagePtr compressedColor(const sensor_msgs::Image& color)
   }
   const auto message = boost::make_shared<sensor_msgs::CompressedImage>();
   message->header = color.header;
-  message->format = color.encoding + "; jpeg compressed bgr8";
+  message->format = color.encoding + "; jpeg compressed " + (pixels.channels() == 1 ? "" : "bgr8");
   cv::imencode(".jpg", pixels, message->data, {cv::IMWRITE_JPEG_QUALITY, JPEG_QUALITY});
   return message;
 }

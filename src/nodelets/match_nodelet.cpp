@@ -28,6 +28,9 @@ class MatchNodelet : public StageNodelet {
     models_.emplace(parameter("database", std::string("~/.ros/tabletop.db")));
     serveOptions<MatchConfig>(getPrivateNodeHandle(), options_, [this] { memory_.clear(); });
     sync_.registerCallback(&MatchNodelet::onClusters, this);
+    // Now, and not with the first frame: who calls a graph that sleeps would wait for it.
+    reading_ = getPrivateNodeHandle().createWallTimer(
+        ros::WallDuration(0.01), [this](const auto&) { models(); }, true);
     candidates_pub_ = advertise<CandidateArray>("candidates");
     clusters_pub_ = advertise<CloudMessage>("clusters");
   }
@@ -45,13 +48,20 @@ class MatchNodelet : public StageNodelet {
     input_sub_.unsubscribe();
   }
 
+  /// What the database holds by now.
+  const ModelIndex& models() {
+    const ModelIndex& index = models_->update();
+    health().setValue("objects known", std::to_string(index.models().size()));
+    return index;
+  }
+
   void onClusters(const CloudMessageConstPtr& message, const TableArrayConstPtr& tables,
                   const CloudMessageConstPtr& scene_message) {
     attempt(message->header.stamp, [&] {
       const Cloud& scene = scene_message->cloud();
       const auto clusters = clustersOf(message->labels());
       const int generation = models_->generation();
-      const ModelIndex& index = models_->update();
+      const ModelIndex& index = models();
       if (models_->generation() != generation) memory_.clear();
 
       auto candidates = boost::make_shared<CandidateArray>();
@@ -77,6 +87,7 @@ class MatchNodelet : public StageNodelet {
   message_filters::Subscriber<CloudMessage> cloud_sub_;
   message_filters::Synchronizer<Policy> sync_{Policy(SYNC_QUEUE), input_sub_, tables_sub_,
                                               cloud_sub_};
+  ros::WallTimer reading_;  ///< last: when it goes it waits for what it called
 };
 
 }  // namespace tabletop_perception

@@ -2,6 +2,7 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -92,6 +93,10 @@ class RefineNodelet : public StageNodelet {
     followOptions("match", options_.match);
     serveOptions<TrackConfig>(ros::NodeHandle(getNodeHandle(), "track"), options_.track);
 
+    // Now, and not with the first frame: who calls a graph that sleeps would wait for it.
+    reading_ = getPrivateNodeHandle().createWallTimer(
+        ros::WallDuration(0.01), [this](const auto&) { models(); }, true);
+
     sync_.registerCallback(&RefineNodelet::onFrame, this);
     objects_pub_ = advertise<RecognizedObjectArray>("objects");
     grasps_pub_ = getPrivateNodeHandle().advertise<geometry_msgs::PoseArray>("grasps", 5, true);
@@ -121,12 +126,20 @@ class RefineNodelet : public StageNodelet {
 
   bool wantedAnyway() override { return publish_tf_ || calls_ > 0; }
 
+  /// What the database holds by now.
+  const ModelIndex& models() {
+    const ModelIndex& index = models_->update();
+    health().setValue("objects known", std::to_string(index.models().size()));
+    return index;
+  }
+
   void onFrame(const CandidateArrayConstPtr& candidates, const CloudMessageConstPtr& clusters,
                const TableArrayConstPtr& tables,
                const ros::MessageEvent<const CloudMessage>& cloud) {
     attempt(candidates->header.stamp, [&] {
-      const ModelIndex& index = models_->update();
+      const ModelIndex& index = models();
       const auto standing_on = tablesFromMessage(*tables);
+      forgetOtherFrames(candidates->header.frame_id);
       const Eigen::Isometry3d T_track_camera = cameraInTrackFrame(candidates->header);
       const double stamp = candidates->header.stamp.toSec();
       auto objects =
@@ -186,6 +199,19 @@ class RefineNodelet : public StageNodelet {
     GraspOptions options;
     readOptions(getNodeHandle(), "grasp", options);
     return options;
+  }
+
+  /// What is remembered is in the frame of the clouds, unless track_frame is set: it would be sent
+  /// in a wrong one when that changes. Ids count on.
+  void forgetOtherFrames(const std::string& frame) {
+    if (frame == cloud_frame_) return;
+    if (track_frame_.empty() && !cloud_frame_.empty()) {
+      warn("clouds come in the frame " + frame + " now, before in " + cloud_frame_ +
+           ": what was seen there is forgotten (track_frame would keep it)");
+      memory_ = {};
+      tracker_.update(std::numeric_limits<double>::infinity(), {});  // after all memory
+    }
+    cloud_frame_ = frame;
   }
 
   /// Where the camera was in the frame that things are tracked in. Throws when tf does not know.
@@ -335,6 +361,7 @@ class RefineNodelet : public StageNodelet {
   PipelineOptions options_;  ///< match, refine, verify and track count
   bool publish_tf_ = true;
   std::string track_frame_;
+  std::string cloud_frame_;  ///< of the last frame
   std::optional<ModelSource> models_;
   ObjectMemory memory_;
   Tracker tracker_;
@@ -364,6 +391,7 @@ class RefineNodelet : public StageNodelet {
   ros::CallbackQueue service_queue_;
   ros::ServiceServer service_;
   std::unique_ptr<ros::AsyncSpinner> spinner_;
+  ros::WallTimer reading_;  ///< last: when it goes it waits for what it called
 };
 
 }  // namespace tabletop_perception

@@ -26,6 +26,11 @@ void StageHealth::setReason(const std::string& reason) {
   reason_ = reason;
 }
 
+void StageHealth::setValue(const std::string& name, const std::string& value) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  values_[name] = value;
+}
+
 void StageHealth::setAwake(bool awake) {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (awake && !awake_) window_ = Window();  // what was slept through is no silence
@@ -55,6 +60,7 @@ void StageHealth::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
     status.addf("latency, largest [ms]", "%.1f", 1e3 * window.latency_max);
     status.addf("work, mean [ms]", "%.1f", 1e3 * window.work_sum / window.frames);
   }
+  for (const auto& [name, value] : values_) status.add(name, value);
   for (const auto& [cause, count] : drops_) status.addf("dropped: " + cause, "%d", count);
   status.add("last reason", reason_);
 }

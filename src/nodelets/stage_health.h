@@ -20,6 +20,8 @@ class StageHealth {
   void dropped(const std::string& cause);
   /// Why the last frame came out without something; empty if it did not.
   void setReason(const std::string& reason);
+  /// Anything else of the stage, shown as it is until it changes.
+  void setValue(const std::string& name, const std::string& value);
   /// A stage that nobody listens to sleeps.
   void setAwake(bool awake);
 
@@ -37,6 +39,7 @@ class StageHealth {
   std::mutex mutex_;
   Window window_;
   std::map<std::string, int> drops_;  ///< by cause
+  std::map<std::string, std::string> values_;
   std::string last_drop_, reason_;
   bool awake_ = false;
 };

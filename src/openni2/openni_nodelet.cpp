@@ -16,6 +16,7 @@
 #include "color_partner.h"
 #include "conversions.h"
 #include "device_clock.h"
+#include "lasting_thread.h"
 #include "openni_camera.h"
 #include "stage_nodelet.h"
 #include "tabletop_perception/OpenniConfig.h"
@@ -77,7 +78,7 @@ class OpenniNodelet : public StageNodelet {
  public:
   ~OpenniNodelet() override {
     stop_ = true;
-    if (thread_.joinable()) thread_.join();
+    thread_.reset();
   }
 
  private:
@@ -96,7 +97,7 @@ class OpenniNodelet : public StageNodelet {
     registered_ = advertiseImages("depth_registered");
     registered_.metres = advertise<sensor_msgs::Image>("depth_registered/image");
     points_pub_ = advertise<CloudMessage>("depth_registered/points");
-    thread_ = std::thread([this] { run(); });
+    thread_.emplace([this] { run(); });
   }
 
   // What is listened to is looked at before every image.
@@ -125,6 +126,7 @@ class OpenniNodelet : public StageNodelet {
         step();
       } catch (const std::exception& error) {
         camera_.reset();
+        health().dropped(error.what());
         warn(error.what());
         pause(RETRY);
       }
@@ -170,7 +172,9 @@ class OpenniNodelet : public StageNodelet {
     const auto frame = camera_->read(IDLE);
     if (frame) {
       last_image_ = Clock::now();
-      publish(*frame, wants_color);
+      const auto start = Clock::now();
+      const ros::Time stamp = publish(*frame, wants_color);
+      if (frame->depth || !wants_depth) health().answered(stamp, Clock::now() - start);
     } else if (Clock::now() - last_image_ > SILENCE) {
       throw std::runtime_error("camera " + camera_->name() + " sends no images, opened anew");
     }
@@ -188,7 +192,8 @@ class OpenniNodelet : public StageNodelet {
       warn("camera " + camera_->name() + " has no colour, nothing comes on rgb");
   }
 
-  void publish(const OpenniFrame& frame, bool color_comes) {
+  /// Gives back when the image was taken.
+  ros::Time publish(const OpenniFrame& frame, bool color_comes) {
     std_msgs::Header header;
     const bool by_color = !frame.depth || used_.registration;
     header.frame_id = by_color ? rgb_frame_ : depth_frame_;
@@ -198,10 +203,11 @@ class OpenniNodelet : public StageNodelet {
     topics.info.publish(messageFromCamera(frame.camera, header));
     topics.raw.publish(image);
     if (heard(topics.metres)) topics.metres.publish(inMetres(*image));
-    if (!heard(points_pub_) || !used_.registration) return;
+    if (!heard(points_pub_) || !used_.registration) return header.stamp;
     for (const auto& [depth, color] :
          frame.depth ? partner_.addDepth(image, color_comes) : partner_.addColor(image))
       publishPoints(*depth, color.get(), frame.camera);
+    return header.stamp;
   }
 
   void publishPoints(const sensor_msgs::Image& depth, const sensor_msgs::Image* color,
@@ -240,7 +246,7 @@ class OpenniNodelet : public StageNodelet {
   Clock::time_point last_image_;
 
   std::atomic<bool> stop_{false};
-  std::thread thread_;
+  std::optional<LastingThread> thread_;
 };
 
 }  // namespace tabletop_perception

@@ -29,7 +29,8 @@ std::string cloudAdvice(const Observed& seen) {
     return "there is " + clouds + (seen.graph ? " (perception.launch input:=TOPIC)" : " (--topic)");
   const auto images = topicsOf(seen, "sensor_msgs/Image");
   if (!images.empty())
-    return "there are only images, " + images + ": depth_image_proc makes clouds of depth images";
+    return "there are only images, " + images +
+           ": perception.launch depth:=TOPIC makes clouds of depth images";
   return "no topic of that type is there: is the camera's driver running?";
 }
 
@@ -130,6 +131,14 @@ void checkHeaders(const Observed& seen, Findings& findings) {
     findings.error("frame_slash", "header.frame_id of " + seen.input + " is '" + frame +
                                       "', must be '" + frame.substr(1) +
                                       "': tf2 refuses a slash in front");
+  const auto other = std::find_if(seen.clouds.begin(), seen.clouds.end(),
+                                  [&](const CloudSeen& cloud) { return cloud.frame_id != frame; });
+  if (other != seen.clouds.end() && !findings.any({"several_cameras"}))
+    findings.warning("frame_changes",
+                     "clouds on " + seen.input + " come in the frames '" + other->frame_id +
+                         "' and '" + frame +
+                         "', must be one: whenever it changes, the objects get new ids unless "
+                         "track_frame is set");
 
   const auto zeros = std::count_if(seen.clouds.begin(), seen.clouds.end(),
                                    [](const CloudSeen& cloud) { return cloud.stamp == 0; });

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <limits>
 
+#include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 
 #include "graph.h"
@@ -282,9 +283,14 @@ TEST_F(Sleeping, withTfAServiceCallAloneGivesPoses) {
       transformMessage(messageFromPose(truth.T_camera_table), header, "nowhere"));
   spinUntil([] { return false; }, 1);
 
+  int sent = 0;
+  const auto tf = nh_.subscribe<tf2_msgs::TFMessage>(
+      "/tf", 100, [&](const tf2_msgs::TFMessageConstPtr&) { ++sent; });
   const auto reply = call(8, "house", &camera_);
   ASSERT_TRUE(reply.success) << reply.reason;
   EXPECT_EQ(reply.objects.size(), 1u);
+  EXPECT_EQ(tf.getNumPublishers(), 2u) << "the managers of both graphs";
+  EXPECT_EQ(sent, 0) << "publish_tf is false";
   std::filesystem::remove(databaseFile());
 }
 

@@ -134,6 +134,28 @@ TEST(Config, markersHaveTheOptionsOfTheirStruct) {
 
 TEST(Config, openniHasTheOptionsOfItsStruct) { expectSameFields<OpenniConfig, OpenniOptions>(); }
 
+/// The options of a stage that has many, outside all groups.
+template <typename Config>
+std::string ungrouped() {
+  std::string names;
+  for (const auto& group : Config::__getDescriptionMessage__().groups)
+    if (group.name == "Default")
+      for (const auto& p : group.parameters) names += p.name + " ";
+  return names;
+}
+
+TEST(Config, stagesWithManyOptionsHaveThemInGroups) {
+  EXPECT_EQ(ungrouped<OpenniConfig>(), "");
+  EXPECT_EQ(ungrouped<DepthImageConfig>(), "");
+  EXPECT_EQ(ungrouped<FilterConfig>(), "");
+  EXPECT_EQ(ungrouped<TableConfig>(), "");
+  EXPECT_EQ(ungrouped<SplitConfig>(), "");
+  EXPECT_EQ(ungrouped<ColorConfig>(), "");
+  EXPECT_EQ(ungrouped<MatchConfig>(), "");
+  EXPECT_EQ(ungrouped<RefineConfig>(), "");
+  EXPECT_EQ(ungrouped<VerifyConfig>(), "");
+}
+
 TEST(Config, aConfigBecomesOptions) {
   FilterConfig config = FilterConfig::__getDefault__();
   config.max_range = 1.25;

@@ -76,7 +76,7 @@ class LogRecorder {
   ros::Subscriber subscriber_;
 };
 
-/// Publishes clouds in the frame "camera", where perception.launch expects them.
+/// Publishes clouds where perception.launch expects them.
 class Camera {
  public:
   explicit Camera(ros::NodeHandle& nh, const std::string& topic = "/camera/depth_registered/points")
@@ -87,13 +87,15 @@ class Camera {
   /// Stamps and sends a message; gives back the stamp.
   ros::Time send(sensor_msgs::PointCloud2 message, const ros::Time& stamp = ros::Time::now()) {
     message.header.stamp = stamp;
-    message.header.frame_id = "camera";
+    message.header.frame_id = frame;
     publisher_.publish(message);
     return message.header.stamp;
   }
   ros::Time send(const Cloud& cloud, const ros::Time& stamp = ros::Time::now()) {
     return send(*messageFromCloud(cloud, std_msgs::Header()), stamp);
   }
+
+  std::string frame = "camera";
 
  private:
   ros::Publisher publisher_;

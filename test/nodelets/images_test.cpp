@@ -2,6 +2,7 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -110,6 +111,98 @@ TEST(ImageCodec, inverseDepthOfThePluginIsRead) {
   EXPECT_FLOAT_EQ(metres[2], 900.0f / 1900);
 }
 
+// Messages as compressed_depth_image_transport and compressed_image_transport lay them out, byte by
+// byte: before the PNG of depth an int32 (0: inverse depth) and two floats, by which numbers of
+// 16 bits become metres; with depth_max 10 and depth_quantization 100 they are 10100 and -1009.
+
+using Bytes = std::vector<std::uint8_t>;
+
+const Bytes NO_PARAMETERS(12, 0);
+const Bytes PARAMETERS = {0, 0, 0, 0, 0x00, 0xD0, 0x1D, 0x46, 0x00, 0x40, 0x7C, 0xC4};
+
+/// 3 x 1 pixels of 16 bits: 0, 731, 65535.
+const Bytes MILLIMETRES = {
+    0x89, 0x50, 0x4E, 0x47, 0x0D, 0x0A, 0x1A, 0x0A, 0x00, 0x00, 0x00, 0x0D, 0x49, 0x48, 0x44,
+    0x52, 0x00, 0x00, 0x00, 0x03, 0x00, 0x00, 0x00, 0x01, 0x10, 0x00, 0x00, 0x00, 0x00, 0x6E,
+    0x1B, 0x97, 0x2B, 0x00, 0x00, 0x00, 0x12, 0x49, 0x44, 0x41, 0x54, 0x78, 0x01, 0x01, 0x07,
+    0x00, 0xF8, 0xFF, 0x00, 0x00, 0x00, 0x02, 0xDB, 0xFF, 0xFF, 0x05, 0x9D, 0x02, 0xDC, 0x6D,
+    0xDC, 0x57, 0x44, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4E, 0x44, 0xAE, 0x42, 0x60, 0x82};
+
+/// 3 x 1 pixels of 16 bits: 0, 9091 for 1 m, 4041 for 2 m.
+const Bytes INVERSE_DEPTHS = {
+    0x89, 0x50, 0x4E, 0x47, 0x0D, 0x0A, 0x1A, 0x0A, 0x00, 0x00, 0x00, 0x0D, 0x49, 0x48, 0x44,
+    0x52, 0x00, 0x00, 0x00, 0x03, 0x00, 0x00, 0x00, 0x01, 0x10, 0x00, 0x00, 0x00, 0x00, 0x6E,
+    0x1B, 0x97, 0x2B, 0x00, 0x00, 0x00, 0x12, 0x49, 0x44, 0x41, 0x54, 0x78, 0x01, 0x01, 0x07,
+    0x00, 0xF8, 0xFF, 0x00, 0x00, 0x00, 0x23, 0x83, 0x0F, 0xC9, 0x03, 0x03, 0x01, 0x7F, 0xC5,
+    0xDD, 0xAD, 0xD4, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4E, 0x44, 0xAE, 0x42, 0x60, 0x82};
+
+/// 2 x 1 pixels, red green blue: 200 100 50, 1 2 3.
+const Bytes COLORS = {0x89, 0x50, 0x4E, 0x47, 0x0D, 0x0A, 0x1A, 0x0A, 0x00, 0x00, 0x00, 0x0D, 0x49,
+                      0x48, 0x44, 0x52, 0x00, 0x00, 0x00, 0x02, 0x00, 0x00, 0x00, 0x01, 0x08, 0x02,
+                      0x00, 0x00, 0x00, 0x7B, 0x40, 0xE8, 0xDD, 0x00, 0x00, 0x00, 0x12, 0x49, 0x44,
+                      0x41, 0x54, 0x78, 0x01, 0x01, 0x07, 0x00, 0xF8, 0xFF, 0x00, 0xC8, 0x64, 0x32,
+                      0x01, 0x02, 0x03, 0x07, 0x7D, 0x01, 0x65, 0x33, 0xF6, 0x31, 0x94, 0x00, 0x00,
+                      0x00, 0x00, 0x49, 0x45, 0x4E, 0x44, 0xAE, 0x42, 0x60, 0x82};
+
+sensor_msgs::CompressedImage laidOut(const std::string& format, const Bytes& first,
+                                     const Bytes& second = {}) {
+  sensor_msgs::CompressedImage message;
+  message.format = format;
+  message.data = first;
+  message.data.insert(message.data.end(), second.begin(), second.end());
+  return message;
+}
+
+TEST(ImageCodec, readsWhatThePluginsLayOut) {
+  // "16UC1; compressedDepth" without the kind of file is of the plug-in before it had others.
+  for (const std::string format : {"16UC1; compressedDepth png", "16UC1; compressedDepth"})
+    EXPECT_EQ(imageFromCompressed(laidOut(format, NO_PARAMETERS, MILLIMETRES))->data,
+              depthOf("16UC1", {0, 0.731f, 65.535f}).data);
+
+  const auto metres =
+      imageFromCompressed(laidOut("32FC1; compressedDepth png", PARAMETERS, INVERSE_DEPTHS));
+  EXPECT_EQ(metres->encoding, "32FC1");
+  std::array<float, 3> depths{};
+  ASSERT_EQ(metres->data.size(), sizeof depths);
+  std::memcpy(depths.data(), metres->data.data(), sizeof depths);
+  EXPECT_TRUE(std::isnan(depths[0]));
+  EXPECT_FLOAT_EQ(depths[1], 1);
+  EXPECT_FLOAT_EQ(depths[2], 2);
+
+  const auto color = imageFromCompressed(laidOut("rgb8; png compressed bgr8", COLORS));
+  EXPECT_EQ(color->encoding, "bgr8");
+  EXPECT_EQ(color->data, Bytes({50, 100, 200, 3, 2, 1}));
+}
+
+TEST(ImageCodec, laysOutWhatThePluginsRead) {
+  const auto depth = compressedDepth(depthOf("16UC1", {0, 0.731f, 65.535f}));
+  EXPECT_EQ(depth->format, "16UC1; compressedDepth png");
+  const auto same = laidOut("", NO_PARAMETERS, MILLIMETRES);
+  const auto image_header = 12 + 33;  // the signature of PNG, size, 16 bits, grey
+  ASSERT_GT(depth->data.size(), image_header);
+  EXPECT_TRUE(std::equal(same.data.begin(), same.data.begin() + image_header, depth->data.begin()));
+
+  // They take pixels of "compressed bgr8" for blue green red, and those of other words as they are.
+  sensor_msgs::Image image;
+  image.encoding = "rgb8";
+  image.width = image.height = 16;
+  image.step = 48;
+  for (int i = 0; i < 256; ++i) image.data.insert(image.data.end(), {200, 100, 50});
+  const auto color = compressedColor(image);
+  EXPECT_EQ(color->format, "rgb8; jpeg compressed bgr8");
+  const auto back = imageFromCompressed(*color);
+  ASSERT_EQ(back->data.size(), image.data.size());
+  EXPECT_NEAR(back->data[0], 50, 3);
+  EXPECT_NEAR(back->data[2], 200, 3);
+
+  image.encoding = "mono8";
+  image.width = 48;
+  const auto grey = compressedColor(image);
+  EXPECT_EQ(grey->format, "mono8; jpeg compressed ");
+  ASSERT_GE(grey->data.size(), 2u);
+  EXPECT_EQ(Bytes(grey->data.begin(), grey->data.begin() + 2), Bytes({0xFF, 0xD8}));
+}
+
 TEST(ImageCodec, whatIsNoImageIsNamed) {
   sensor_msgs::CompressedImage message;
   message.format = "16UC1; compressedDepth png";
@@ -117,6 +210,15 @@ TEST(ImageCodec, whatIsNoImageIsNamed) {
   EXPECT_THROW(imageFromCompressed(message), std::invalid_argument);
   message.format = "jpeg";
   EXPECT_THROW(imageFromCompressed(message), std::invalid_argument);
+  message.format = "16UC1; compressedDepth rvl";
+  try {
+    imageFromCompressed(message);
+    ADD_FAILURE() << "read as PNG";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_STREQ(error.what(),
+                 "'16UC1; compressedDepth rvl' is not read: the plug-in's parameter format must be "
+                 "png");
+  }
   auto color = depthOf("16UC1", {1});
   EXPECT_THROW(compressedColor(color), std::invalid_argument) << "depth is no colour";
   color.encoding = "rgb8";

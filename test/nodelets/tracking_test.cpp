@@ -57,6 +57,7 @@ class Tracking : public testing::Test {
   });
   Cloud with_house_, without_house_;
   ros::Time stamp_;
+  LogRecorder log_{nh_};
 };
 
 TEST_F(Tracking, framesComeAfterConfirmationStayThroughGapsAndGoAfterGrace) {
@@ -83,6 +84,28 @@ TEST_F(Tracking, framesComeAfterConfirmationStayThroughGapsAndGoAfterGrace) {
     EXPECT_EQ(frames.size(), i * PERIOD < GRACE ? 1u : 0u) << i << " frames after it was seen";
   }
   EXPECT_EQ(framesOf("bracket", without_house_).size(), 1u) << "what is there all the time stays";
+}
+
+TEST_F(Tracking, nothingStaysWhereTheCloudsComeInAnotherFrame) {
+  ASSERT_TRUE(warmUp(with_house_, camera_, objects_));
+  stamp_ = ros::Time::now();
+  for (int i = 0; i < 5; ++i) framesOf("house", with_house_);
+  const auto before = sent_[stamp_];
+  ASSERT_EQ(before.size(), 3u);
+
+  camera_.frame = "another_camera";
+  sent_.clear();
+  for (int i = 0; i < 6; ++i) {
+    stamp_ += ros::Duration(PERIOD);
+    camera_.send(without_house_, stamp_);
+    ASSERT_TRUE(spinUntil([&] { return objects_.has(stamp_); }));
+  }
+  ASSERT_TRUE(spinUntil([&] { return sent_.count(stamp_) > 0; }));
+  EXPECT_TRUE(log_.has("clouds come in the frame another_camera now, before in camera"));
+  std::set<std::string> after;
+  for (const auto& [stamp, frames] : sent_) after.insert(frames.begin(), frames.end());
+  EXPECT_EQ(after.size(), 2u) << "bracket and steps, not the house where it was in the other frame";
+  for (const auto& frame : before) EXPECT_EQ(after.count(frame), 0u) << frame << " a second time";
 }
 
 }  // namespace

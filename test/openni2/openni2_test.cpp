@@ -1,4 +1,6 @@
+#include <diagnostic_msgs/DiagnosticArray.h>
 #include <gtest/gtest.h>
+#include <nodelet/NodeletUnload.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <tf2_ros/transform_listener.h>
@@ -13,6 +15,7 @@
 
 #include "device_clock.h"
 #include "graph.h"
+#include "lasting_thread.h"
 #include "openni_camera.h"
 
 namespace tabletop_perception {
@@ -50,6 +53,25 @@ TEST(DeviceClock, beginsAnewWhereTheTimeJumps) {
   clock.onHost(5000000, 50);
   EXPECT_NEAR(clock.onHost(0, 50.1), 50.1, 1e-9) << "a file that begins anew";
   EXPECT_NEAR(clock.onHost(33000, 12), 12, 1e-9) << "a host's clock that was set back";
+}
+
+// --- threads
+
+TEST(LastingThread, takesTheNextWorkToo) {
+  const auto thread = [] {
+    std::thread::id id;
+    LastingThread([&] { id = std::this_thread::get_id(); });
+    return id;
+  };
+  const auto first = thread();
+  EXPECT_NE(first, std::this_thread::get_id());
+  for (int i = 0; i < 100; ++i) ASSERT_EQ(thread(), first);
+}
+
+TEST(LastingThread, worksBesideOthers) {
+  std::promise<void> met;
+  LastingThread one([&] { met.get_future().wait(); });
+  LastingThread other([&] { met.set_value(); });  // or this never ends
 }
 
 // --- the camera, without ROS
@@ -203,8 +225,20 @@ class Openni2 : public testing::Test {
     }
   }
 
+  /// Whether diagnostics say of the camera what ends so, from now on.
+  bool says(const std::string& end) {
+    said_.clear();
+    return spinUntil([&] { return said_.find(end + "\n") != std::string::npos; }, 5);
+  }
+
   ros::NodeHandle nh_;
   LogRecorder log_{nh_};
+  std::string said_;
+  ros::Subscriber diagnostics_ = nh_.subscribe<diagnostic_msgs::DiagnosticArray>(
+      "/diagnostics", 100, [this](const auto& message) {
+        for (const auto& status : message->status)
+          if (status.name == "camera: frames") said_ += status.message + "\n";
+      });
 };
 
 TEST_F(Openni2, imagesAndCloudComeInTheirFramesAndOfOneMoment) {
@@ -269,6 +303,7 @@ TEST_F(Openni2, comesBackWhenItIsPluggedInAgain) {
   ASSERT_TRUE(spinUntil([&] { return clouds.all().size() > 3 && log_.connected(); }, 20));
   std::ofstream(unplugged()) << '\n';
   EXPECT_TRUE(spinUntil([&] { return log_.has("synthetic://0 (serial S1701) is gone"); }, 10));
+  EXPECT_TRUE(says("no frame answered: no OpenNI2 camera is connected"));
   spinUntil([] { return false; }, 0.5);  // what is still on its way
   const auto before = clouds.all().size();
   spinUntil([] { return false; }, 2);
@@ -276,9 +311,28 @@ TEST_F(Openni2, comesBackWhenItIsPluggedInAgain) {
 
   std::filesystem::remove(unplugged());
   EXPECT_TRUE(spinUntil([&] { return clouds.all().size() > before + 3; }, 10));
+  EXPECT_TRUE(says("frames per second"));
   const auto frame = namedFrame("/perception/refine/objects");
   ASSERT_TRUE(frame);
   expectTruth(*frame);
+}
+
+TEST_F(Openni2, comesBackWhenItIsUnloaded) {
+  Recorder<sensor_msgs::PointCloud2> clouds(nh_, "/camera/depth_registered/points");
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(spinUntil([&, before = clouds.all().size()] {  //
+      return clouds.all().size() > before + 3;
+    })) << "unloaded "
+        << i << " times";
+    nodelet::NodeletUnload unload;
+    unload.request.name = "/camera";  // the keeper loads it again
+    ASSERT_TRUE(ros::service::call("/perception/manager/unload_nodelet", unload));
+    ASSERT_TRUE(unload.response.success);
+    spinUntil([] { return false; }, 0.2);  // what is still on its way
+  }
+  EXPECT_TRUE(spinUntil([&, before = clouds.all().size()] {  //
+    return clouds.all().size() > before + 3;
+  })) << "the manager died with it?";
 }
 
 TEST_F(Openni2, opticalFramesLookForward) {

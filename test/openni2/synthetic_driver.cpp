@@ -1,6 +1,6 @@
-/// An OpenNI2 driver whose camera looks at scene::threeObjects(): depth 640 x 480 [mm] and RGB, 30
-/// Hz, registered. The file that the environment variable SYNTHETIC_UNPLUGGED names unplugs it
-/// while it is there.
+/// An OpenNI2 driver whose camera looks at scene::threeObjects(), or at the cloud in the PCD file
+/// that the environment variable SYNTHETIC_CLOUD names: depth 640 x 480 [mm] and RGB, 30 Hz,
+/// registered. The file that SYNTHETIC_UNPLUGGED names unplugs it while it is there.
 
 #include <Driver/OniDriverAPI.h>
 
@@ -11,11 +11,13 @@
 #include <cstring>
 #include <filesystem>
 #include <new>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "scene.h"
+#include "tabletop_perception/pcd.h"
 
 // ONI_EXPORT_DRIVER takes these from a header of OpenNI2 that Debian does not ship.
 #define XN_NEW(type, ...) new type(__VA_ARGS__)
@@ -37,12 +39,22 @@ float fieldOfView(int pixels, double focal_length) {
   return static_cast<float>(2 * std::atan(pixels / (2 * focal_length)));
 }
 
-/// The bytes of one image of either sensor.
+/// What the camera looks at.
+Cloud view() {
+  const char* file = std::getenv("SYNTHETIC_CLOUD");
+  if (!file) return scene::threeObjects().cloud;
+  auto cloud = readPcd(file).cloud;
+  if (cloud.width != CAMERA.width || cloud.height != CAMERA.height || cloud.rgb.empty())
+    throw std::invalid_argument(std::string(file) + ": not 640 x 480 points with colours");
+  return cloud;
+}
+
+/// The bytes of one image of either sensor, whichever way the cloud's z axis looks.
 std::vector<std::uint8_t> pictureOf(OniSensorType sensor, const Cloud& cloud) {
   std::vector<std::uint8_t> bytes;
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     if (sensor == ONI_SENSOR_DEPTH) {
-      const long depth = cloud.valid(i) ? std::lround(1000 * cloud.z[i]) : 0;
+      const long depth = cloud.valid(i) ? std::lround(1000 * std::abs(cloud.z[i])) : 0;
       bytes.push_back(static_cast<std::uint8_t>(depth));
       bytes.push_back(static_cast<std::uint8_t>(depth >> 8));
     } else {
@@ -72,7 +84,7 @@ class Stream : public oni::driver::StreamBase {
       : sensor_(sensor),
         plugged_(plugged),
         mode_(modeOf(sensor)),
-        picture_(pictureOf(sensor, scene::threeObjects().cloud)) {}
+        picture_(pictureOf(sensor, view())) {}
   ~Stream() override { stop(); }
 
   OniStatus start() override {

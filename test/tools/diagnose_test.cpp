@@ -115,7 +115,7 @@ const std::vector<Fault> FAULTS{
        seen.topics.clear();
      }},
     {"no_cloud_topic",
-     {"/camera/points", "/camera/depth/image", "depth_image_proc"},
+     {"/camera/points", "/camera/depth/image", "perception.launch depth:="},
      [](Observed& seen) {
        stopCamera(seen);
        seen.topics = {{"/camera/depth/image", {"sensor_msgs/Image", {"/camera/driver"}}}};
@@ -158,6 +158,9 @@ const std::vector<Fault> FAULTS{
        eachCloud(seen, [](CloudSeen& cloud) { cloud.frame_id = "/" + cloud.frame_id; });
        noTable(seen, "no up direction: tf2 frame_ids cannot start with a '/'");
      }},
+    {"frame_changes",
+     {"/camera/points", "'camera_link'", "'camera_depth_optical_frame'", "must be one"},
+     [](Observed& seen) { seen.clouds[3].frame_id = "camera_link"; }},
     {"stamp_zero",
      {"50 of 50", "/camera/points", "stamp 0"},
      [](Observed& seen) { eachCloud(seen, [](CloudSeen& cloud) { cloud.stamp = 0; }); }},
