@@ -3,13 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "clustered_scene.h"
 #include "free_turn.h"
 #include "lift.h"
 #include "marks.h"
-#include "near_model.h"
 #include "polish_pose.h"
 #include "refusals.h"
-#include "scene_samples.h"
 #include "settle_turn.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/symmetry.h"
@@ -17,8 +16,6 @@
 namespace tabletop_perception {
 namespace {
 
-constexpr double REACH = 0.03;                   // of points about a candidate that ICP sees [m]
-constexpr std::size_t MAX_SOURCE_POINTS = 600;   // that ICP looks at
 constexpr std::size_t MAX_COLORED_POINTS = 600;  // that turn it as its colours are
 constexpr double MIN_PROMISE_RATIO = 0.6;        // of a candidate to the best one of its proposal
 constexpr double TWIN_SHIFT = 0.002;             // of two hypotheses that are one [m]
@@ -33,19 +30,6 @@ constexpr double MIN_LEFT_SHARE = 0.15;      // of a cluster that is worth anoth
 constexpr double FOLLOWED_SHIFT = 0.01;      // farthest that a thing at rest seems to move [m]
 constexpr double FOLLOWED_TURN = 0.1;        // [rad]
 constexpr double AS_GOOD = 0.9;  // agreement of what is followed, of what it was decided by
-constexpr double MIN_MET_SHARE =
-    0.2;  // of a part that an expected object explains if it may show it
-
-/// The parts of some clusters, or what is left of them.
-struct Parts {
-  std::vector<Surface> surfaces;
-  std::vector<PlanarSurface> planar;  ///< the same, for kernels
-};
-
-void append(const Surface& from, std::size_t i, Surface& to) {
-  to.points.push_back(from.points[i]);
-  to.normals.push_back(from.normals[i]);
-}
 
 Eigen::Vector3f middleOf(const std::vector<Surface>& parts) {
   std::vector<Eigen::Vector3f> points;
@@ -84,8 +68,8 @@ class Decision {
         refine_(refine),
         verify_(verify),
         observations_(scene, tables),
-        samples_(scene, clusters, index.descriptorOptions()),
-        taken_(samples_.parts),
+        clustered_(scene, clusters, index),
+        taken_(clustered_.parts()),
         reasons_(clusters.size()) {}
 
   /// Keeps what is expected and still there.
@@ -102,20 +86,15 @@ class Decision {
   void judge(const Proposal& proposal) {
     const bool known =
         std::all_of(proposal.labels.begin(), proposal.labels.end(), [&](const std::uint32_t label) {
-          return shareOfCluster(taken_, label - 2) > 1 - MIN_LEFT_SHARE;
+          return clustered_.shareOf(taken_, label - 2) > 1 - MIN_LEFT_SHARE;
         });
     if (known) return;
     std::string& reason = reasons_.at(proposal.labels.front() - 2);
     const bool alone = proposal.labels.size() == 1;
     if (alone) reason = proposal.candidates.reason;
     if (!proposal.candidates) return;
-    Parts parts;
-    for (std::size_t p = 0; p < samples_.parts.size(); ++p) {
-      if (!isMember(samples_.cluster_of_part[p], proposal.labels)) continue;
-      parts.surfaces.push_back(samples_.parts[p]);
-      parts.planar.push_back(samples_.planar[p]);
-    }
-    const std::string refusal = judgeCandidates(*proposal.candidates, parts);
+    const std::string refusal =
+        judgeCandidates(*proposal.candidates, clustered_.partsOf(proposal.labels));
     if (alone && reason.empty()) reason = refusal;
   }
 
@@ -180,9 +159,10 @@ class Decision {
   /// Turns an object the way that fits best, where its points leave the turn free or it is nearly
   /// symmetric.
   void settle(Hypothesis& hypothesis) const {
-    const Surface around = samplesAround(hypothesis);
+    const Surface around = clustered_.samplesAround(hypothesis.model, hypothesis.T_camera_object,
+                                                    hypothesis.explained);
     const Observation& observation = observations_.about(centroidOf(around.points));
-    const auto points = pointsOfClusters(hypothesis);
+    const auto points = clustered_.pointsOfClusters(hypothesis.explained);
     std::optional<SeenOutline> outline;
     if (observation.projection)
       outline.emplace(observation, index_, hypothesis.model, hypothesis.T_camera_object);
@@ -202,7 +182,7 @@ class Decision {
   /// With the pose that leaves, and how far that may be off.
   Hypothesis polished(Hypothesis hypothesis) const {
     const auto pose = polishPose(index_, hypothesis.model, hypothesis.T_camera_object,
-                                 pointsOfClusters(hypothesis), refine_);
+                                 clustered_.pointsOfClusters(hypothesis.explained), refine_);
     hypothesis.T_camera_object = pose.T_camera_object;
     hypothesis.uncertainty = pose.uncertainty;
     return hypothesis;
@@ -212,19 +192,11 @@ class Decision {
   void judgeRest(const std::vector<Proposal>& proposals) {
     for (const auto& proposal : proposals) {
       if (!isWorthAnotherLook(proposal.labels)) continue;
-      Parts parts;
+      const Parts parts = clustered_.restOf(proposal.labels, taken_);
       Surface all;
-      for (std::size_t p = 0; p < samples_.parts.size(); ++p) {
-        if (!isMember(samples_.cluster_of_part[p], proposal.labels)) continue;
-        Surface rest;
-        for (std::size_t i = 0; i < samples_.parts[p].size(); ++i) {
-          if (taken_.at(p, i)) continue;
-          append(samples_.parts[p], i, rest);
-          append(samples_.parts[p], i, all);
-        }
-        if (rest.empty()) continue;
-        parts.planar.emplace_back(rest);
-        parts.surfaces.push_back(std::move(rest));
+      for (const auto& part : parts.surfaces) {
+        all.points.insert(all.points.end(), part.points.begin(), part.points.end());
+        all.normals.insert(all.normals.end(), part.normals.begin(), part.normals.end());
       }
       const auto candidates =
           matchCluster(all, observations_.about(centroidOf(all.points)), index_, match_);
@@ -234,8 +206,8 @@ class Decision {
 
   std::vector<SceneObject> objects() && {
     for (std::size_t k = 0; k < clusters_.size(); ++k) {
-      double decided = shareOfCluster(taken_, k);
-      for (const auto& marks : undecided_) decided -= shareOfCluster(marks, k);
+      double decided = clustered_.shareOf(taken_, k);
+      for (const auto& marks : undecided_) decided -= clustered_.shareOf(marks, k);
       if (decided >= TAKEN_SHARE) continue;
       objects_.push_back(
           unknownObject(scene_, clusters_[k], static_cast<std::uint32_t>(k) + 2, mainTable()));
@@ -248,11 +220,6 @@ class Decision {
   }
 
  private:
-  static bool isMember(int cluster, const std::vector<std::uint32_t>& labels) {
-    return std::find(labels.begin(), labels.end(), static_cast<std::uint32_t>(cluster) + 2) !=
-           labels.end();
-  }
-
   /// Adds a hypothesis for each candidate that ICP holds on to; why the best one is refused.
   std::string judgeCandidates(const std::vector<Candidate>& candidates, const Parts& parts) {
     const Observation& observation = observations_.about(middleOf(parts.surfaces));
@@ -265,8 +232,9 @@ class Decision {
         continue;
       }
       if (candidate.promise < MIN_PROMISE_RATIO * candidates.front().promise) continue;
-      const auto alignment = refinePose(sourceFor(model, candidate.T_camera_object, parts),
-                                        index_.grid(model), candidate.T_camera_object, refine_);
+      const auto alignment =
+          refinePose(clustered_.sourceFor(model, candidate.T_camera_object, parts),
+                     index_.grid(model), candidate.T_camera_object, refine_);
       if (!alignment) {
         if (reason.empty()) reason = alignment.reason;
         continue;
@@ -277,7 +245,7 @@ class Decision {
           model,
           T_camera_object,
           verifyPose(index_, model, T_camera_object, parts.planar, observation, verify_),
-          Marks(samples_.parts),
+          Marks(clustered_.parts()),
           0,
           0,
           1,
@@ -304,9 +272,9 @@ class Decision {
   std::optional<Hypothesis> stillThere(const SceneObject& expected) const {
     const int model = index_.find(expected.name);
     if (model < 0) return std::nullopt;
-    const auto parts = partsAbout(model, expected.T_camera_object);
+    const auto parts = clustered_.partsAbout(model, expected.T_camera_object);
     if (parts.surfaces.empty()) return std::nullopt;
-    const auto alignment = refinePose(sourceFor(model, expected.T_camera_object, parts),
+    const auto alignment = refinePose(clustered_.sourceFor(model, expected.T_camera_object, parts),
                                       index_.grid(model), expected.T_camera_object, refine_);
     if (!alignment || !samePose(Symmetry(), expected.T_camera_object, alignment->T_camera_object,
                                 FOLLOWED_SHIFT, FOLLOWED_TURN))
@@ -316,7 +284,7 @@ class Decision {
                           alignment->T_camera_object,
                           verifyPose(index_, model, alignment->T_camera_object, parts.planar,
                                      observations_.about(middleOf(parts.surfaces)), verify_),
-                          Marks(samples_.parts),
+                          Marks(clustered_.parts()),
                           0,
                           before.rms,
                           before.turn,
@@ -332,26 +300,9 @@ class Decision {
     return hypothesis;
   }
 
-  /// The parts of all clusters that may show a model at a pose.
-  Parts partsAbout(int model, const Eigen::Isometry3d& T_camera_object) const {
-    std::vector<bool> met(clusters_.size(), false);
-    for (std::size_t p = 0; p < samples_.parts.size(); ++p)
-      if (explainedShare(index_, model, T_camera_object, samples_.planar[p], REACH) > MIN_MET_SHARE)
-        met[samples_.cluster_of_part[p]] = true;
-    Parts parts;
-    for (std::size_t p = 0; p < samples_.parts.size(); ++p) {
-      if (!met[samples_.cluster_of_part[p]]) continue;
-      parts.surfaces.push_back(samples_.parts[p]);
-      parts.planar.push_back(samples_.planar[p]);
-    }
-    return parts;
-  }
-
   void markExplained(Hypothesis& hypothesis) const {
-    for (std::size_t p = 0; p < samples_.parts.size(); ++p)
-      hypothesis.explained.mark(
-          p, explainedPoints(index_, hypothesis.model, hypothesis.T_camera_object,
-                             samples_.planar[p], verify_.tolerance));
+    hypothesis.explained =
+        clustered_.explainedBy(hypothesis.model, hypothesis.T_camera_object, verify_.tolerance);
     hypothesis.points = hypothesis.explained.count();
   }
 
@@ -365,53 +316,10 @@ class Decision {
     });
   }
 
-  /// The points near a model, which ICP is to lay it on.
-  Surface sourceFor(int model, const Eigen::Isometry3d& T_camera_object, const Parts& parts) const {
-    Surface near;
-    for (std::size_t p = 0; p < parts.planar.size(); ++p) {
-      const auto within = explainedPoints(index_, model, T_camera_object, parts.planar[p], REACH);
-      for (std::size_t i = 0; i < parts.surfaces[p].size(); ++i)
-        if (within[i / PlanarBlock::SIZE] >> i % PlanarBlock::SIZE & 1)
-          append(parts.surfaces[p], i, near);
-    }
-    return thinned(near, MAX_SOURCE_POINTS);
-  }
-
-  /// The points of all clusters in which a hypothesis explains any, unsampled.
-  std::vector<Eigen::Vector3f> pointsOfClusters(const Hypothesis& hypothesis) const {
-    std::vector<Eigen::Vector3f> points;
-    for (std::size_t k = 0; k < clusters_.size(); ++k)
-      if (shareOfCluster(hypothesis.explained, k) > 0)
-        for (const int i : clusters_[k]) points.push_back(scene_.point(i));
-    return points;
-  }
-
-  /// The samples near a model, whichever way they face, of all clusters in which it explains any.
-  Surface samplesAround(const Hypothesis& hypothesis) const {
-    const auto& grid = index_.grid(hypothesis.model);
-    const auto& surface = index_.models()[hypothesis.model].surface;
-    const Eigen::Isometry3f T_object_camera = hypothesis.T_camera_object.inverse().cast<float>();
-    Surface around;
-    for (std::size_t p = 0; p < samples_.parts.size(); ++p) {
-      const auto cluster = static_cast<std::size_t>(samples_.cluster_of_part[p]);
-      if (shareOfCluster(hypothesis.explained, cluster) == 0) continue;
-      for (std::size_t i = 0; i < samples_.parts[p].size(); ++i) {
-        const Eigen::Vector3f q = T_object_camera * samples_.parts[p].points[i];
-        const int nearest = grid.nearest(q);
-        if (nearest >= 0 && (surface.points[nearest] - q).norm() <= REACH)
-          append(samples_.parts[p], i, around);
-      }
-    }
-    return around;
-  }
-
   /// Some of the points that a hypothesis explains, with their colours where these are to count.
   ColoredPoints coloredOf(const Hypothesis& hypothesis) const {
     if (!verify_.color || index_.colors(hypothesis.model).empty()) return {};
-    std::vector<Eigen::Vector3f> points;
-    for (std::size_t p = 0; p < samples_.parts.size(); ++p)
-      for (std::size_t i = 0; i < samples_.parts[p].size(); ++i)
-        if (hypothesis.explained.at(p, i)) points.push_back(samples_.parts[p].points[i]);
+    const auto points = clustered_.markedPoints(hypothesis.explained);
     if (points.empty()) return {};
     return coloredPoints(observations_.about(centroidOf(points)), points, MAX_COLORED_POINTS);
   }
@@ -422,13 +330,14 @@ class Decision {
 
   double liftOf(const Hypothesis& hypothesis) const {
     return tabletop_perception::liftOf(index_, hypothesis.model, hypothesis.T_camera_object,
-                                       samples_.parts, hypothesis.explained, observations_,
+                                       clustered_.parts(), hypothesis.explained, observations_,
                                        tables_);
   }
 
   void noteRefusal(const Hypothesis& hypothesis, const std::string& refusal) {
     for (std::size_t k = 0; k < clusters_.size(); ++k)
-      if (shareOfCluster(hypothesis.explained, k) >= MIN_SHARE_OF_CLUSTER) reasons_[k] = refusal;
+      if (clustered_.shareOf(hypothesis.explained, k) >= MIN_SHARE_OF_CLUSTER)
+        reasons_[k] = refusal;
   }
 
   /// The other object that agrees best with what a hypothesis explains.
@@ -463,20 +372,10 @@ class Decision {
                             verify_.min_margin);
   }
 
-  double shareOfCluster(const Marks& marks, std::size_t cluster) const {
-    double marked = 0, all = 0;
-    for (std::size_t p = 0; p < samples_.parts.size(); ++p) {
-      if (samples_.cluster_of_part[p] != static_cast<int>(cluster)) continue;
-      marked += marks.count(p);
-      all += static_cast<double>(samples_.parts[p].size());
-    }
-    return all > 0 ? marked / all : 0;
-  }
-
   bool isWorthAnotherLook(const std::vector<std::uint32_t>& labels) const {
     bool begun = false, rest = true;
     for (const auto label : labels) {
-      const double taken = shareOfCluster(taken_, label - 2);
+      const double taken = clustered_.shareOf(taken_, label - 2);
       begun = begun || taken > 1 - MIN_OWN_SHARE;
       rest = rest && taken < 1 - MIN_LEFT_SHARE;
     }
@@ -494,32 +393,19 @@ class Decision {
     object.score = probabilityOf(object.evidence);
     std::vector<double> shares;
     for (std::size_t k = 0; k < clusters_.size(); ++k)
-      shares.push_back(shareOfCluster(hypothesis.explained, k));
+      shares.push_back(clustered_.shareOf(hypothesis.explained, k));
     const double most = *std::max_element(shares.begin(), shares.end());
     std::vector<Eigen::Vector3f> points;
     for (std::size_t k = 0; k < clusters_.size(); ++k) {
       if (shares[k] < std::min(most, MIN_SHARE_OF_CLUSTER)) continue;
       object.labels.push_back(static_cast<std::uint32_t>(k) + 2);
-      addPoints(hypothesis, k, points);
+      const auto near =
+          clustered_.pointsNear(hypothesis.model, hypothesis.T_camera_object, k, verify_.tolerance);
+      points.insert(points.end(), near.begin(), near.end());
     }
     object.points = static_cast<int>(points.size());
     object.box = boxAround(points, up());
     return object;
-  }
-
-  /// The points of a cluster that an object explains; all of them where it explains nearly all.
-  void addPoints(const Hypothesis& hypothesis, std::size_t cluster,
-                 std::vector<Eigen::Vector3f>& points) const {
-    const auto& grid = index_.grid(hypothesis.model);
-    const auto& surface = index_.models()[hypothesis.model].surface;
-    const Eigen::Isometry3f T_object_camera = hypothesis.T_camera_object.inverse().cast<float>();
-    const auto limit = static_cast<float>(verify_.tolerance);
-    for (const int i : clusters_[cluster]) {
-      const Eigen::Vector3f p = T_object_camera * scene_.point(i);
-      const int nearest = grid.nearest(p);
-      if (nearest >= 0 && (surface.points[nearest] - p).norm() <= limit)
-        points.push_back(scene_.point(i));
-    }
   }
 
   /// What symmetric objects are turned towards: the main table's axes, else the camera's.
@@ -546,7 +432,7 @@ class Decision {
   const RefineOptions& refine_;
   const VerifyOptions& verify_;
   Observations observations_;
-  SceneSamples samples_;
+  ClusteredScene clustered_;
   std::vector<Hypothesis> hypotheses_;
   Marks taken_;                       ///< points of objects, known or undecided
   std::vector<Marks> undecided_;      ///< points of things with too little margin
