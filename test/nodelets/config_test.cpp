@@ -134,7 +134,7 @@ TEST(Config, markersHaveTheOptionsOfTheirStruct) {
 
 TEST(Config, openniHasTheOptionsOfItsStruct) { expectSameFields<OpenniConfig, OpenniOptions>(); }
 
-/// The options of a stage that has many, outside all groups.
+/// The options of a stage outside all groups.
 template <typename Config>
 std::string ungrouped() {
   std::string names;
@@ -144,7 +144,7 @@ std::string ungrouped() {
   return names;
 }
 
-TEST(Config, stagesWithManyOptionsHaveThemInGroups) {
+TEST(Config, allOptionsAreInGroups) {
   EXPECT_EQ(ungrouped<OpenniConfig>(), "");
   EXPECT_EQ(ungrouped<DepthImageConfig>(), "");
   EXPECT_EQ(ungrouped<FilterConfig>(), "");
@@ -154,6 +154,11 @@ TEST(Config, stagesWithManyOptionsHaveThemInGroups) {
   EXPECT_EQ(ungrouped<MatchConfig>(), "");
   EXPECT_EQ(ungrouped<RefineConfig>(), "");
   EXPECT_EQ(ungrouped<VerifyConfig>(), "");
+  EXPECT_EQ(ungrouped<ClusterConfig>(), "");
+  EXPECT_EQ(ungrouped<TrackConfig>(), "");
+  EXPECT_EQ(ungrouped<PickConfig>(), "");
+  EXPECT_EQ(ungrouped<GraspConfig>(), "");
+  EXPECT_EQ(ungrouped<MarkersConfig>(), "");
 }
 
 TEST(Config, aConfigBecomesOptions) {
