@@ -1,9 +1,8 @@
 #include <algorithm>
-#include <cmath>
-#include <iterator>
+#include <cstdint>
 #include <limits>
-#include <string>
 #include <utility>
+#include <vector>
 
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/pick_scene.h"
@@ -14,6 +13,7 @@ namespace tabletop_perception {
 namespace {
 
 constexpr int FINER_CUTS = 2;             // of what resembles nothing, each at half the angle
+constexpr double LEAST_ANGLE_DEG = 0.1;   // that a cluster may be cut at
 constexpr std::uint32_t FIRST_LABEL = 2;  // of clusters: that of the thing
 constexpr float POINTED_AT = 0.015f;      // farthest from what is seen there to the model [m]
 
@@ -57,21 +57,23 @@ class Search {
   }
 
   /// The same of smooth regions of what was picked. A face of an unknown thing is like that of many
-  /// a known one: they count only where they show several objects.
+  /// a known one: they count only where they show objects of several names.
   void lookAtRegions(const std::vector<Indices>& regions) {
     if (regions.empty()) return;
     const auto objects = objectsIn(regions);
-    const auto known = std::count_if(objects.begin(), objects.end(),
-                                     [](const auto& object) { return object.name != "unknown"; });
     const auto at_point = atPoint(objects, regions.front());
-    if (at_point != objects.end() && known > 1) best_ = *at_point;
+    if (at_point == objects.end()) return;
+    const bool several = std::any_of(objects.begin(), objects.end(), [&](const auto& object) {
+      return object.name != "unknown" && object.name != at_point->name;
+    });
+    if (several) best_ = *at_point;
   }
 
   /// A cluster cut at hollows of an angle, the part at the point first; nothing where that cuts
   /// nothing.
   std::vector<Indices> cutAt(double concave_angle_deg, const Indices& cluster) const {
     SplitOptions options = options_.split;
-    options.concave_angle_deg = concave_angle_deg;
+    options.concave_angle_deg = std::max(concave_angle_deg, LEAST_ANGLE_DEG);
     auto parts = splitClusters(scene_, {cluster}, options);
     return parts.size() < 2 ? std::vector<Indices>() : partAtPointFirst(std::move(parts));
   }
