@@ -67,7 +67,9 @@ CloudWindow withEveryPixel(const Cloud& cloud, const CloudWindow& window);
 /// Which of the clusters somebody means who points at `point`: the one with the nearest point, not
 /// the one with the nearest centroid, which of a large thing may be farther away than that of a
 /// small one beside it. A point that is on none of them but all around which the nearest one lies
-/// belongs to that, with the reason why it is on none: the bottom of a bowl is as low as the table.
+/// belongs to that, with the reason why it is on none: the bottom of a bowl is as low as the table,
+/// and that of a mug that lies is a patch too small for a thing (all around it as the camera sees
+/// it, not from above).
 /// None, with the reason, for a point in the air, on a table, or on what stands on none. `cloud`:
 /// what the clusters' points belong to.
 Found<int> clusterAt(const Cloud& cloud, const std::vector<Indices>& clusters,

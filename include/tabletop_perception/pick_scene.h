@@ -26,6 +26,7 @@ struct Pick {
   Table table;                    ///< that the thing stands on, without its points
   CloudWindow window;             ///< what the camera saw around the point, some pixels of it
   std::vector<Indices> clusters;  ///< of the window: the thing, then what it was cut from
+  std::vector<Indices> others;    ///< of the window: what else stands near the point, uncut
   GraspSurface surface;
   Box box;  ///< about what is seen of the thing; about the whole model once it is recognised
   Pregrasp pregrasp;
@@ -53,9 +54,10 @@ Found<Pick> pickInScene(const Cloud& cloud, const Eigen::Vector3f& point,
 Pick atFullResolution(const Cloud& cloud, Pick pick);
 
 /// What the thing of a pick at full resolution is, by the stages of the recogniser: its cluster
-/// alone or, where that resembles nothing, with what it was cut from. Of several objects in it the
-/// one nearest to the point. "unknown" with the reason where no object of the index stands up to
-/// the limits.
+/// alone or with all that stands near the point, whichever is the likelier. Where that resembles
+/// nothing, the cluster is cut at shallower hollows, and what is left of it beside the objects that
+/// are known around it is looked at by itself. Of several objects the one nearest to the point.
+/// "unknown" with the reason where no object of the index stands up to the limits.
 SceneObject recognizePick(const Pick& pick, const ModelIndex& index,
                           const PipelineOptions& options);
 

@@ -66,18 +66,34 @@ float leastOf(const float* values, std::size_t count) {
   return *std::min_element(least, least + LANES);
 }
 
-/// Whether points of a cluster lie all around a point, as seen from above.
+/// Whether points of a cluster lie all around a point, as seen along a unit direction.
 bool surrounds(const Cloud& cloud, const Indices& cluster, const Eigen::Vector3f& point,
-               const Table& table) {
+               const Eigen::Vector3f& direction) {
   constexpr int SECTORS = 12;
-  const Eigen::Matrix3f R_table_camera = table.T_camera_table.linear().transpose().cast<float>();
+  const Eigen::Vector3f u = direction.unitOrthogonal(), v = direction.cross(u);
   std::bitset<SECTORS> sectors;
   for (const int i : cluster) {
-    const Eigen::Vector3f d = R_table_camera * (cloud.point(i) - point);
-    const double turns = std::atan2(d.y(), d.x()) / (2 * M_PI) + 0.5;
+    const Eigen::Vector3f d = cloud.point(i) - point;
+    const double turns = std::atan2(v.dot(d), u.dot(d)) / (2 * M_PI) + 0.5;
     sectors.set(std::min(SECTORS - 1, static_cast<int>(turns * SECTORS)));
   }
   return sectors.all();
+}
+
+/// Whether a point lies where things stand.
+bool isAmongThings(const Eigen::Vector3f& point, const Table& table, const TableOptions& options) {
+  const double height = heightAbove(table, point);
+  return isOver(table, point, options.hull_margin) && height >= options.min_height &&
+         height <= options.max_height;
+}
+
+/// Whether a cluster lies all around a point that belongs to none: as seen from above or, where
+/// something is too small for a thing of its own, as the camera sees it.
+bool isInside(const Cloud& cloud, const Indices& cluster, const Eigen::Vector3f& point,
+              const Table& table, const TableOptions& options) {
+  return surrounds(cloud, cluster, point, table.plane.head<3>().cast<float>()) ||
+         (isAmongThings(point, table, options) &&
+          surrounds(cloud, cluster, point, point.normalized()));
 }
 
 /// Why a point that belongs to no cluster is no thing's. `seen`: what the camera saw there.
@@ -318,7 +334,8 @@ Found<int> clusterAt(const Cloud& cloud, const std::vector<Indices>& clusters,
   const Eigen::Vector3f there =
       cloud.point(std::find(squared.begin(), squared.end(), least) - squared.begin());
   const std::string nothing = nothingAt(there, tables, table_options);
-  if (nearest < 0 || !surrounds(cloud, clusters[nearest], there, tables[tableUnder(tables, there)]))
+  if (nearest < 0 ||
+      !isInside(cloud, clusters[nearest], there, tables[tableUnder(tables, there)], table_options))
     return Found<int>::none(nothing);
   Found<int> around(nearest);
   around.reason = nothing;

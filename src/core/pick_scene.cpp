@@ -15,7 +15,6 @@ constexpr int TABLE_COLUMNS = 106;  // of the image in which tables are looked f
                                     // their normals needs no more
 constexpr int PICK_COLUMNS = 320;  // of the image that a thing is found in, the window a part of it
 
-constexpr int FINER_CUTS = 2;             // of what resembles nothing, each at half the angle
 constexpr std::uint32_t FIRST_LABEL = 2;  // of clusters: that of the thing
 
 /// Between the pixels of which an image of so many columns, or some more, is made.
@@ -50,28 +49,36 @@ Indices withinReach(const Cloud& cloud, const Indices& indices, const Eigen::Vec
   return near;
 }
 
-/// The cluster at the point and what hangs together with it, it first; what `watch` measures begins
-/// with the points on the tables.
-Found<std::vector<Indices>> clustersAt(const Cloud& cloud, const Eigen::Vector3f& point,
-                                       const std::vector<Table>& tables,
-                                       const PipelineOptions& options, StopWatch& watch) {
-  using FoundClusters = Found<std::vector<Indices>>;
+/// Groups of a window's points: of the cluster at the point the parts, the one there first, and all
+/// other clusters.
+struct ClustersAt {
+  std::vector<Indices> parts, others;
+};
+
+/// What `watch` measures begins with the points on the tables.
+Found<ClustersAt> clustersAt(const Cloud& cloud, const Eigen::Vector3f& point,
+                             const std::vector<Table>& tables, const PipelineOptions& options,
+                             StopWatch& watch) {
   const Indices standing =
       withinReach(cloud, indicesOnTables(cloud, tables, options.table), point, options.pick.reach);
   watch.lap("box");
-  const auto clusters = extractClusters(cloud, standing, options.cluster);
+  auto clusters = extractClusters(cloud, standing, options.cluster);
   const auto whole = clusterAt(cloud, clusters, point, tables, options.table, options.pick);
   watch.lap("cluster");
-  if (!whole) return FoundClusters::none(whole.reason);
-  auto parts = splitClusters(cloud, {clusters[*whole]}, options.split);
+  if (!whole) return Found<ClustersAt>::none(whole.reason);
+  const Indices cluster = std::move(clusters[*whole]);
+  clusters.erase(clusters.begin() + *whole);
+  auto parts = splitClusters(cloud, {cluster}, options.split);
   watch.lap("split");
   parts = colorCorrected(cloud, parts, options.color);
   const auto thing = clusterAt(cloud, parts, point, tables, options.table, options.pick);
   watch.lap("color");
-  if (!thing && whole.reason.empty()) return FoundClusters::none(thing.reason);
-  if (!thing) return std::vector<Indices>{clusters[*whole]};  // all around the point, but in parts
-  std::rotate(parts.begin(), parts.begin() + *thing, parts.begin() + *thing + 1);
-  return parts;
+  if (!thing && whole.reason.empty()) return Found<ClustersAt>::none(thing.reason);
+  if (thing)
+    std::rotate(parts.begin(), parts.begin() + *thing, parts.begin() + *thing + 1);
+  else  // all around the point, but in parts
+    parts = {cluster};
+  return ClustersAt{std::move(parts), std::move(clusters)};
 }
 
 /// Of a window's points those that every step-th pixel of the whole cloud shows, none put in its
@@ -92,7 +99,8 @@ Found<Pick> pickInWindow(Pick pick, const Cloud& whole, const std::vector<Table>
   const Cloud& cloud = pick.window.cloud;
   auto clusters = clustersAt(cloud, pick.point, tables, options, watch);
   if (!clusters) return Found<Pick>::none(clusters.reason);
-  pick.clusters = std::move(*clusters.value);
+  pick.clusters = std::move(clusters.value->parts);
+  pick.others = std::move(clusters.value->others);
 
   const auto points = pointsAt(cloud, pick.thing());
   pick.table = tables[tableUnder(tables, centroidOf(points))];
@@ -130,68 +138,6 @@ int nearestCell(const Cloud& cloud, int i, const CloudWindow& window) {
 /// Why nothing can be picked at a point, whatever the scene; empty if it can.
 std::string pointRefusal(const Eigen::Vector3f& point) {
   return point.allFinite() ? "" : "the point is not finite";
-}
-
-/// Squared distance of a point from a model at its pose; infinite beyond the model's grid [m^2].
-float squaredDistance(const ModelIndex& index, const SceneObject& object,
-                      const Eigen::Vector3f& point) {
-  const int model = index.find(object.name);
-  if (model < 0) return std::numeric_limits<float>::infinity();
-  const Eigen::Vector3f p = object.T_camera_object.inverse().cast<float>() * point;
-  const int nearest = index.grid(model).nearest(p);
-  return nearest < 0 ? std::numeric_limits<float>::infinity()
-                     : (index.models()[model].surface.points[nearest] - p).squaredNorm();
-}
-
-/// The point of what was picked that is nearest to the one that was pointed at, which may lie
-/// inside.
-Eigen::Vector3f seenPoint(const Pick& pick) {
-  const Cloud& scene = pick.window.cloud;
-  const auto& thing = pick.thing();
-  const auto distance = [&](int i) { return (scene.point(i) - pick.point).squaredNorm(); };
-  return scene.point(*std::min_element(thing.begin(), thing.end(),
-                                       [&](int a, int b) { return distance(a) < distance(b); }));
-}
-
-/// Of the objects in a scene whose first cluster was picked the one at the point.
-SceneObject objectAt(const Pick& pick, const std::vector<Indices>& clusters,
-                     const ModelIndex& index, const PipelineOptions& options) {
-  constexpr float POINTED_AT = 0.015f * 0.015f;  // from what is seen to the model [m^2]
-  const Cloud& scene = pick.window.cloud;
-  const std::vector<Table> tables = {pick.table};
-  const auto proposals = proposeObjects(scene, clusters, tables, index, options.match);
-  const auto objects = decideObjects(scene, clusters, proposals, tables, index, options.match,
-                                     options.refine, options.verify);
-  SceneObject best = unknownObject(scene, clusters.front(), FIRST_LABEL, pick.table);
-  best.reason = "part of another object";
-  const Eigen::Vector3f seen = seenPoint(pick);
-  float least = POINTED_AT;
-  for (const auto& object : objects) {
-    if (object.name == "unknown") {
-      if (best.name == "unknown" && object.labels.front() == FIRST_LABEL) best = object;
-      continue;
-    }
-    const float squared = squaredDistance(index, object, seen);
-    if (squared > least) continue;
-    best = object;
-    least = squared;
-  }
-  return best;
-}
-
-/// What was picked cut at shallower hollows, the part at the point first; nothing where that cuts
-/// no better.
-std::vector<Indices> cutFiner(const Pick& pick, double concave_angle_deg,
-                              const PipelineOptions& options) {
-  SplitOptions finer = options.split;
-  finer.concave_angle_deg = concave_angle_deg;
-  auto parts = splitClusters(pick.window.cloud, {pick.thing()}, finer);
-  if (parts.size() < 2) return {};
-  const auto at =
-      clusterAt(pick.window.cloud, parts, pick.point, {pick.table}, options.table, options.pick);
-  if (!at) return {};
-  std::rotate(parts.begin(), parts.begin() + *at, parts.begin() + *at + 1);
-  return parts;
 }
 
 }  // namespace
@@ -243,34 +189,22 @@ Pick atFullResolution(const Cloud& cloud, Pick pick) {
   if (pick.window.step == 1 || !pick.window.cloud.organized()) return pick;
   StopWatch watch(pick.times_ms);
   CloudWindow full = withEveryPixel(cloud, pick.window);
-  const auto labels = labelsOf(pick.window.cloud.size(), {}, pick.clusters);
-  for (auto& cluster : pick.clusters) cluster.clear();
+  std::vector<Indices> all = std::move(pick.clusters);
+  const auto parts = static_cast<std::ptrdiff_t>(all.size());
+  all.insert(all.end(), pick.others.begin(), pick.others.end());
+  const auto labels = labelsOf(pick.window.cloud.size(), {}, all);
+  for (auto& cluster : all) cluster.clear();
   for (int i = 0; i < static_cast<int>(full.cloud.size()); ++i) {
     if (!full.cloud.valid(i)) continue;
     const int cell = nearestCell(full.cloud, i, pick.window);
     const std::uint32_t label = cell < 0 ? 0 : labels[cell];
-    if (label >= FIRST_LABEL) pick.clusters[label - FIRST_LABEL].push_back(i);
+    if (label >= FIRST_LABEL) all[label - FIRST_LABEL].push_back(i);
   }
+  pick.clusters.assign(all.begin(), all.begin() + parts);
+  pick.others.assign(all.begin() + parts, all.end());
   pick.window = std::move(full);
   watch.lap("pixels");
   return pick;
-}
-
-SceneObject recognizePick(const Pick& pick, const ModelIndex& index,
-                          const PipelineOptions& options) {
-  SceneObject best = objectAt(pick, {pick.thing()}, index, options);
-  const auto offer = [&](const std::vector<Indices>& clusters) {
-    const SceneObject other = objectAt(pick, clusters, index, options);
-    if (other.name != "unknown" && other.score > best.score) best = other;
-  };
-  if (pick.clusters.size() > 1) offer(pick.clusters);
-  double angle_deg = options.split.concave_angle_deg;
-  for (int cuts = 0; cuts < FINER_CUTS && best.name == "unknown"; ++cuts) {
-    angle_deg /= 2;
-    const auto parts = cutFiner(pick, angle_deg, options);
-    if (!parts.empty()) offer(parts);
-  }
-  return best;
 }
 
 void completePick(Pick& pick, const ObjectModel& model, const Eigen::Isometry3d& T_camera_object,

@@ -153,9 +153,9 @@ Cloud modelsAtPoses(const RecognizedObjectArray& objects, const ModelIndex& inde
   return cloud;
 }
 
-visualization_msgs::MarkerArrayPtr pickMarkers(const PickedObject& picked) {
+visualization_msgs::MarkerArrayPtr pickMarkers(const PickedObject& picked, double depth) {
   constexpr double AXIS_LENGTH = 0.08, AXIS_WIDTH = 0.008, HEAD_WIDTH = 0.02;  // [m]
-  constexpr double BEYOND = 0.04;  // the surface's edge: the origin lies within the thing [m]
+  constexpr double BEYOND = 0.04;           // the surface's edge [m]
   constexpr double DISC_THICKNESS = 0.001;  // [m]
   auto message = boost::make_shared<visualization_msgs::MarkerArray>();
   message->markers.push_back(marker(picked.header, "", 0, Marker::CUBE, 0));
@@ -165,20 +165,25 @@ visualization_msgs::MarkerArrayPtr pickMarkers(const PickedObject& picked) {
   message->markers.push_back(boxMarker(picked.object, "box", options));
 
   const auto addArrow = [&](const std::string& ns, int id, const geometry_msgs::Pose& pose,
-                            const Eigen::Vector3d& along, std::uint32_t color) {
+                            const Eigen::Vector3d& from, const Eigen::Vector3d& along,
+                            std::uint32_t color) {
     Marker arrow = marker(picked.header, ns, id, Marker::ARROW, color);
     arrow.pose = pose;
     arrow.scale.x = AXIS_WIDTH;
     arrow.scale.y = HEAD_WIDTH;
-    arrow.points = {messageFromPoint(Eigen::Vector3d::Zero()), messageFromPoint(along)};
+    arrow.points = {messageFromPoint(from), messageFromPoint(from + along)};
     message->markers.push_back(arrow);
   };
   constexpr std::array<std::uint32_t, 3> AXES = {0xff0000, 0x00ff00, 0x0000ff};
   const Eigen::Vector3d lengths(picked.extents[0] / 2 + BEYOND, picked.extents[1] / 2 + BEYOND,
                                 AXIS_LENGTH);
+  // From before the surface: the origin lies within the thing, which would hide them.
+  const Eigen::Vector3d outside = (depth + AXIS_WIDTH) * Eigen::Vector3d::UnitZ();
   for (int axis = 0; axis < 3; ++axis)
-    addArrow("axes", axis, picked.pose, lengths[axis] * Eigen::Vector3d::Unit(axis), AXES[axis]);
-  addArrow("approach", 0, picked.pregrasp, AXIS_LENGTH * Eigen::Vector3d::UnitZ(), TEXT_COLOR);
+    addArrow("axes", axis, picked.pose, outside, lengths[axis] * Eigen::Vector3d::Unit(axis),
+             AXES[axis]);
+  addArrow("approach", 0, picked.pregrasp, Eigen::Vector3d::Zero(),
+           AXIS_LENGTH * Eigen::Vector3d::UnitZ(), TEXT_COLOR);
 
   Marker disc = marker(picked.header, "plane", 0, Marker::CYLINDER, TABLE_COLOR);
   const Eigen::Vector3d up(picked.plane[0], picked.plane[1], picked.plane[2]);

@@ -26,9 +26,10 @@ Cloud coloredThings(const Cloud& cloud, const std::vector<std::uint32_t>& labels
 /// The models of the known objects at their poses, in the objects' frame.
 Cloud modelsAtPoses(const RecognizedObjectArray& objects, const ModelIndex& index);
 
-/// What was picked: its box, the axes of its frame, an arrow from the pregrasp frame the way the
-/// gripper comes, and a disc on the table below; first of all the order to delete what was drawn
-/// before, and nothing more where nothing was picked.
-visualization_msgs::MarkerArrayPtr pickMarkers(const PickedObject& picked);
+/// What was picked: its box, the axes of its frame drawn on its surface, an arrow from the pregrasp
+/// frame the way the gripper comes, and a disc on the table below; first of all the order to delete
+/// what was drawn before, and nothing more where nothing was picked. `depth`: of the frame's origin
+/// behind the surface [m].
+visualization_msgs::MarkerArrayPtr pickMarkers(const PickedObject& picked, double depth);
 
 }  // namespace tabletop_perception

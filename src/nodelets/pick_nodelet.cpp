@@ -219,7 +219,7 @@ class PickNodelet : public StageNodelet {
     const PickedObject& picked = answer.picked;
     if (!picked.success) warn("nothing picked: " + picked.reason);
     picked_pub_.publish(picked);
-    markers_pub_.publish(pickMarkers(picked));
+    markers_pub_.publish(pickMarkers(picked, options_.depth));
     publishGrasps(picked.object);
     model_pub_.publish(answer.model ? *answer.model
                                     : *messageFromCloud(Cloud(0, 1, false), picked.header));

@@ -169,6 +169,38 @@ TEST(Pick, theBottomOfATrayBelongsToItTheTableInAnAngleToNothing) {
   EXPECT_TRUE(contains(beside.reason, "on the table")) << beside.reason;
 }
 
+/// A plane of z = 0.3 under the camera's y axis and a patch over it, and about the patch, as the
+/// camera sees it, an arc of `turn` [rad] that is nearer: what a mug that lies shows of its rim.
+Found<int> clusterAtBottomOfMug(double turn, float patch_height) {
+  Table table;
+  table.plane = {0, -1, 0, 0.3};
+  table.T_camera_table.linear() << 0, -1, 0, 0, 0, -1, 1, 0, 0;  // x forward, y left, z up
+  table.T_camera_table.translation() = Eigen::Vector3d(0, 0.3, 0.8);
+  table.hull = {{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}};
+  const Eigen::Vector3f middle(0, 0.3f - patch_height, 0.9f);
+  std::vector<Eigen::Vector3f> points = {middle};
+  Indices rim;
+  for (int i = 0; i < 100; ++i) {
+    const double angle = turn * i / 100;
+    rim.push_back(static_cast<int>(points.size()));
+    points.push_back(
+        0.9f * (middle + Eigen::Vector3f(0.03f * std::cos(angle), 0.03f * std::sin(angle), 0)));
+  }
+  return clusterAt(clouds::cloudOf(points), {rim}, middle, {table}, TableOptions(), PickOptions());
+}
+
+TEST(ClusterAt, aPatchTooSmallForAThingBelongsToWhatTheCameraSeesAllAroundIt) {
+  const auto inside = clusterAtBottomOfMug(2 * M_PI, 0.04f);
+  ASSERT_TRUE(inside) << inside.reason;
+  EXPECT_EQ(*inside, 0);
+  const auto open = clusterAtBottomOfMug(1.5 * M_PI, 0.04f);
+  ASSERT_FALSE(open);
+  EXPECT_TRUE(contains(open.reason, "too small for a thing")) << open.reason;
+  const auto through_a_handle = clusterAtBottomOfMug(2 * M_PI, 0);
+  ASSERT_FALSE(through_a_handle);
+  EXPECT_TRUE(contains(through_a_handle.reason, "on the table")) << through_a_handle.reason;
+}
+
 TEST(Pick, aWallBehindTheTableIsNoThing) {
   const Mesh wall = scene::box(0.02, 1.6, 0.8);
   const auto scene = scene::render({{"box", scene::box(0.12, 0.06, 0.10), scene::standing(0, 0, 0)},
