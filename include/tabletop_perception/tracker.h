@@ -69,8 +69,8 @@ struct TrackedThing {
 /// Of poses that look the same the one nearest to the last is taken. A pose is the mean of all
 /// sightings by their covariances (a Kalman filter of a thing at rest) until one contradicts it:
 /// then the thing has moved, and the mean begins anew. A thing that is where it was but seems to be
-/// turned over keeps its pose until what speaks for the new turn, sighting by sighting, outweighs
-/// what spoke for the old one (the log odds of both add up).
+/// turned over keeps its pose until much more speaks for the new turn, sighting by sighting, than
+/// spoke for the old one (the log odds of both add up).
 class Tracker {
  public:
   explicit Tracker(const TrackerOptions& options = {}) : options_(options) {}

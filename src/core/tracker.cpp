@@ -22,6 +22,7 @@ constexpr double TURNED_SHIFT = 0.03;    // from which on it has been moved, bes
 constexpr double SUREST_TURN = 0.99;     // that a single sighting can be
 constexpr double LEAST_TURN_ODDS = 0.1;  // logarithm, of the turn that a sighting prefers
 constexpr double MAX_TURN_ODDS = 8;      // logarithm; more would take a thing long to lose
+constexpr double NEW_TURN_ODDS = 8;      // logarithm, that another turn needs
 
 constexpr char UNKNOWN[] = "unknown";  // name of what has none
 
@@ -102,8 +103,8 @@ bool Tracker::keepsTurn(Track& track, const std::optional<Eigen::Vector3d>& midd
     return false;
   }
   track.turn_odds -= odds;
-  if (track.turn_odds >= 0) return true;
-  track.turn_odds = odds;
+  if (track.turn_odds > -NEW_TURN_ODDS) return true;
+  track.turn_odds = NEW_TURN_ODDS;
   return false;
 }
 

@@ -94,13 +94,16 @@ struct EvaluateArguments {
 
 void evaluate(const EvaluateArguments& arguments) {
   if (!arguments.picks.empty()) {
+    if (!arguments.database.empty() && arguments.models.empty())
+      throw std::invalid_argument("--database with --picks needs --models, the objects' meshes");
     const auto options =
         arguments.config.empty() ? PipelineOptions() : readPipelineOptions(arguments.config);
     return evaluatePicks(
         {arguments.picks, arguments.models, arguments.database, options, arguments.json});
   }
   checkFolder(arguments.results, "--results");
-  if (arguments.jitter) return evaluateJitter(arguments.results, arguments.json);
+  if (arguments.jitter)
+    return evaluateJitter(arguments.results, arguments.database, arguments.json);
   if (!arguments.labels.empty())
     evaluateLabels(arguments.labels, arguments.results, arguments.json, arguments.report);
   else
@@ -142,11 +145,11 @@ void addEvaluate(CLI::App& app) {
   models->excludes(labels);
   command
       ->add_option("--database", arguments->database,
-                   "picks: file of known objects; every object whose visible share gt.json states "
-                   "is picked and recognised")
+                   "file of known objects; picks: every object whose visible share gt.json states "
+                   "is picked and recognised; jitter: the symmetries by which poses are tracked")
       ->type_name("DB")
-      ->needs(picks)
-      ->needs(models);
+      ->excludes(labels)
+      ->excludes(poses);
   command
       ->add_option("--unknown", arguments->unknown,
                    "objects of the truth that were not taught: giving them a name is wrong")
@@ -197,7 +200,8 @@ void addEvaluate(CLI::App& app) {
       "and x within 10 deg of its longer side.\n"
       "Jitter: distances from each thing's mean position and mean rotation over the frames; a flip "
       "is\n"
-      "a turn by over 30 deg from one sighting to the next; the same of what the tracker makes of them.\n"
+      "a turn by over 30 deg from one sighting to the next; the same of what the tracker makes of "
+      "them.\n"
       "Exit code: 0 done, 2 bad usage or unreadable input.\n"
       "Example: tabletop evaluate --labels truth --results segmented");
   command->callback([arguments] { evaluate(*arguments); });

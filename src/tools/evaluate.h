@@ -49,8 +49,9 @@ struct PickEvaluation {
 void evaluatePicks(const PickEvaluation& evaluation);
 
 /// Prints how poses of things that stand still move over frames. `results`: a folder of
-/// SCENE_FRAME.json as `recognize --output` writes them.
-void evaluateJitter(const std::filesystem::path& results, bool json);
+/// SCENE_FRAME.json as `recognize --output` writes them. `database`: of the objects, whose
+/// symmetries the tracker then knows; or empty.
+void evaluateJitter(const std::filesystem::path& results, const std::string& database, bool json);
 
 /// Throws unless it is a folder. `option`: the name that it was given under.
 void checkFolder(const std::filesystem::path& folder, const std::string& option);

@@ -9,6 +9,7 @@
 #include "evaluate.h"
 #include "pose_files.h"
 #include "pose_jitter.h"
+#include "tabletop_perception/database.h"
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/tracker.h"
 
@@ -59,7 +60,19 @@ std::map<std::string, std::vector<fs::path>> framesIn(const fs::path& results) {
   return scenes;
 }
 
-std::vector<Track> tracksOf(const std::string& scene, const std::vector<fs::path>& files) {
+using Symmetries = std::map<std::string, Symmetry>;
+
+Symmetries symmetriesIn(const std::string& database) {
+  Symmetries symmetries;
+  if (database.empty()) return symmetries;
+  ObjectDatabase(database, ObjectDatabase::Mode::READ).visitAll([&](const ObjectModel& model) {
+    symmetries[model.name] = model.symmetry;
+  });
+  return symmetries;
+}
+
+std::vector<Track> tracksOf(const std::string& scene, const std::vector<fs::path>& files,
+                            const Symmetries& symmetries) {
   TrackerOptions options;
   options.memory = MEMORY;
   Tracker tracker(options);
@@ -68,14 +81,12 @@ std::vector<Track> tracksOf(const std::string& scene, const std::vector<fs::path
   for (const auto& file : files) {
     const auto objects = readResults(file);
     std::vector<Sighting> sightings;
-    for (const auto& object : objects)
-      sightings.push_back({object.name,
-                           object.T_camera_object,
-                           object.covariance,
-                           {},
-                           object.middle,
-                           object.evidence ? object.evidence->turn : 1,
-                           true});
+    for (const auto& object : objects) {
+      const auto symmetry = symmetries.find(object.name);
+      sightings.push_back({object.name, object.T_camera_object, object.covariance,
+                           symmetry == symmetries.end() ? Symmetry() : symmetry->second,
+                           object.middle, object.evidence ? object.evidence->turn : 1, true});
+    }
     const auto things = tracker.update(stamp += FRAME_TIME, sightings);
     for (std::size_t i = 0; i < objects.size(); ++i) {
       Track& track = tracks[things[i].id];
@@ -111,14 +122,15 @@ void addCells(const Jitter& jitter, std::vector<std::string>& row) {
 
 }  // namespace
 
-void evaluateJitter(const fs::path& results, bool json) {
+void evaluateJitter(const fs::path& results, const std::string& database, bool json) {
+  const auto symmetries = symmetriesIn(database);
   auto objects = ordered_json::array();
   std::vector<std::vector<std::string>> rows{{"", "seen", "mean mm", "p95 mm", "mean deg",
                                               "p95 deg", "flips", "tracked: mean mm", "p95 mm",
                                               "mean deg", "p95 deg", "flips"}};
   std::size_t flips = 0, tracked_flips = 0;
   for (const auto& [scene, files] : framesIn(results))
-    for (const auto& track : tracksOf(scene, files)) {
+    for (const auto& track : tracksOf(scene, files, symmetries)) {
       const Jitter jitter = jitterOf(track.poses), tracked = jitterOf(track.tracked);
       flips += jitter.flips;
       tracked_flips += tracked.flips;

@@ -394,6 +394,9 @@ TEST_F(EvaluateJitter, WithoutFramesThereIsNothingToEvaluate) {
   std::filesystem::create_directories(folder.file("results"));
   EXPECT_MENTIONS(complaint("--jitter --results " + folder.file("results")),
                   "no SCENE_FRAME.json in");
+  EXPECT_MENTIONS(complaint("--jitter --results " + folder.file("results") + " --database " +
+                            folder.file("missing.db")),
+                  "missing.db");
 }
 
 }  // namespace
