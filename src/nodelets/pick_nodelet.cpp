@@ -183,11 +183,21 @@ class PickNodelet : public StageNodelet {
   }
 
   void onFrame(const CloudMessageConstPtr& cloud, const TableArrayConstPtr& tables) {
-    for (const auto& request : take([](const Request&) { return true; })) try {
-        finish(request, pick(request, *cloud, *tables));
-      } catch (const std::exception& error) {
-        finish(request, refusal(cloud->header, error.what()));
+    attempt(cloud->header.stamp, [&] {
+      for (const auto& request : take([](const Request&) { return true; })) {
+        const Answer answer = answerTo(request, *cloud, *tables);
+        health().setReason(answer.picked.reason);
+        finish(request, answer);
       }
+    });
+  }
+
+  Answer answerTo(const Request& request, const CloudMessage& cloud, const TableArray& tables) {
+    try {
+      return pick(request, cloud, tables);
+    } catch (const std::exception& error) {
+      return refusal(cloud.header, error.what());
+    }
   }
 
   // --- requests

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include <diagnostic_msgs/DiagnosticArray.h>
+#include <geometry_msgs/PointStamped.h>
 
 #include "graph.h"
 
@@ -85,6 +86,28 @@ TEST_F(DiagnosticsOfTheGraph, theReasonOfTheLastFrameIsTold) {
   EXPECT_TRUE(saysOn(Cloud(640, 480, true), "table", [](const DiagnosticStatus& status) {
     return status.message == "the cloud has no valid point" &&
            valueOf(status, "last reason") == status.message;
+  }));
+}
+
+TEST_F(DiagnosticsOfTheGraph, whatAPickDidIsTold) {
+  auto clicks = nh_.advertise<geometry_msgs::PointStamped>("/clicked_point", 1);
+  ASSERT_TRUE(spinUntil([&] { return clicks.getNumSubscribers() > 0; }));
+  geometry_msgs::PointStamped in_the_air;
+  in_the_air.header.frame_id = "camera";
+  in_the_air.point.z = 0.2;
+  const Cloud cloud = scene::threeObjects().cloud;
+  EXPECT_TRUE(spinUntil([&] {
+    clicks.publish(in_the_air);
+    camera_.send(cloud);
+    return spinUntil(
+        [&] {
+          return diagnostics_.said("pick", [](const DiagnosticStatus& status) {
+            const std::string rate = valueOf(status, "frames per second");
+            return !rate.empty() && std::stod(rate) > 0 &&
+                   valueOf(status, "last reason").find("the air") != std::string::npos;
+          });
+        },
+        0.3);
   }));
 }
 
