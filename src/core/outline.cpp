@@ -134,7 +134,8 @@ double outlineCost(const OffOutline& outline, const OffOutline& other) {
     sum += pixels;
     squares += static_cast<double>(pixels) * pixels;
   }
-  return squares > 0 ? WEIGHT * sum * sum / squares / 2 : 0;
+  // What chance alone makes of equal outlines, 1 in the mean, says nothing.
+  return squares > 0 ? WEIGHT * std::max(0.0, sum * sum / squares - 1) / 2 : 0;
 }
 
 }  // namespace tabletop_perception

@@ -57,8 +57,8 @@ class SeenOutline {
 };
 
 /// How much less likely one outline is than another, as a negative log likelihood: how many
-/// standard deviations the sum of what each patch has against it is off zero (Vuong 1989). Halved,
-/// because a whole edge may be off alike.
+/// standard deviations, beyond what chance makes, the sum of what each patch has against it is off
+/// zero (Vuong 1989). Halved, because a whole edge may be off alike.
 double outlineCost(const OffOutline& outline, const OffOutline& other);
 
 }  // namespace tabletop_perception
