@@ -1,6 +1,5 @@
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -8,7 +7,6 @@
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/model.h"
 #include "tabletop_perception/planar_surface.h"
-#include "tabletop_perception/revolution.h"
 
 namespace tabletop_perception {
 
@@ -39,7 +37,6 @@ struct SparseModel {
                                          ///< are no declared or continuous symmetry
   std::vector<Eigen::Isometry3d> spins;  ///< about an axis of continuous symmetry, in steps, the
                                          ///< identity first
-  std::optional<Axis> axis;  ///< about which most of it is of revolution, but not all of it
   std::vector<Eigen::Isometry3d> alike;  ///< all motions after which its shape is nearly the same,
                                          ///< but the identity; about an axis in steps
 

@@ -29,15 +29,6 @@ struct Turn {
   }
 };
 
-/// The turn about the axis of a model that is one of revolution but for a handle or so: the points
-/// about it, a neighbour's among them, may hold on to a turn that is wrong.
-std::optional<Turn> turnAboutAxis(const SparseModel& model,
-                                  const Eigen::Isometry3d& T_camera_object) {
-  if (!model.axis) return std::nullopt;
-  return Turn{T_camera_object.linear() * model.axis->direction,
-              T_camera_object * model.axis->point};
-}
-
 /// The turn of which the points say nothing, if that is the one thing that they leave free.
 std::optional<Turn> freeTurn(const PoseUncertainty& uncertainty, const Eigen::Vector3d& origin) {
   if (uncertainty.free_directions != 1) return std::nullopt;
@@ -99,10 +90,8 @@ Eigen::Isometry3d bestFreeTurn(const ModelIndex& index, int model,
   RefineOptions fine = refine;
   fine.start_distance = fine.max_distance = NEAR;
   const NearestGrid& grid = index.grid(model);
-  auto turn = turnAboutAxis(index.sparse(model), T_camera_object);
-  if (!turn)
-    turn =
-        freeTurn(uncertaintyOf(points, grid, T_camera_object, fine), T_camera_object.translation());
+  const auto turn =
+      freeTurn(uncertaintyOf(points, grid, T_camera_object, fine), T_camera_object.translation());
   if (!turn) return T_camera_object;
   const auto poseAt = [&](double angle) -> Eigen::Isometry3d {
     return turn->by(angle) * T_camera_object;

@@ -10,8 +10,7 @@
 
 namespace tabletop_perception {
 
-/// Of all turns about the axis of a model that is nearly one of revolution, and of all turns that
-/// the points near another model say nothing about, the one that agrees best with all
+/// Of all turns that the points near a model say nothing about the one that agrees best with all
 /// points and the picture, and then with the outline that is seen, laid on them again: ICP ends
 /// with a mug on its body wherever the handle was at first. The same pose where no turn is free or
 /// none agrees better. `points`: of the clusters that show the object, in the camera's frame.
