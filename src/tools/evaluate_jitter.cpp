@@ -9,7 +9,7 @@
 #include "evaluate.h"
 #include "pose_files.h"
 #include "pose_jitter.h"
-#include "tabletop_perception/database.h"
+#include "scene_arguments.h"
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/tracker.h"
 
@@ -65,9 +65,8 @@ using Symmetries = std::map<std::string, Symmetry>;
 Symmetries symmetriesIn(const std::string& database) {
   Symmetries symmetries;
   if (database.empty()) return symmetries;
-  ObjectDatabase(database, ObjectDatabase::Mode::READ).visitAll([&](const ObjectModel& model) {
-    symmetries[model.name] = model.symmetry;
-  });
+  const ModelIndex index = loadModels(database);
+  for (const auto& model : index.models()) symmetries[model.name] = model.symmetry;
   return symmetries;
 }
 
