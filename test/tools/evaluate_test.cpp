@@ -1,4 +1,5 @@
 #include "evaluate.h"
+#include "tabletop_perception/database.h"
 
 #include <cmath>
 #include <sstream>
@@ -394,9 +395,9 @@ TEST_F(EvaluateJitter, WithoutFramesThereIsNothingToEvaluate) {
   std::filesystem::create_directories(folder.file("results"));
   EXPECT_MENTIONS(complaint("--jitter --results " + folder.file("results")),
                   "no SCENE_FRAME.json in");
-  EXPECT_MENTIONS(complaint("--jitter --results " + folder.file("results") + " --database " +
-                            folder.file("missing.db")),
-                  "missing.db");
+  EXPECT_THROW(evaluate("--jitter --results " + folder.file("results") + " --database " +
+                        folder.file("missing.db")),
+               DatabaseError);
 }
 
 }  // namespace
