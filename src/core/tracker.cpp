@@ -90,8 +90,10 @@ bool Tracker::keepsTurn(Track& track, const std::optional<Eigen::Vector3d>& midd
   const Eigen::Isometry3d& last = track.thing.T_world_object;
   const double sure = std::min(SUREST_TURN, sighting.turn);
   const double odds = std::max(LEAST_TURN_ODDS, std::log(sure / (1 - sure)));
-  const double moved = middle && sighting.middle ? (*middle - *sighting.middle).norm()
-                                                 : (last.translation() - pose.translation()).norm();
+  // What is seen of a thing is not its middle while something hides a part of it, and its origin
+  // need not be near its middle: both have moved where it has.
+  double moved = (last.translation() - pose.translation()).norm();
+  if (middle && sighting.middle) moved = std::min(moved, (*middle - *sighting.middle).norm());
   if (track.thing.covariance.isZero() || moved > TURNED_SHIFT) {
     track.turn_odds = odds;
     return false;

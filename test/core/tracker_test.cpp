@@ -305,7 +305,7 @@ class TurnedOver : public testing::Test {
  protected:
   Eigen::Isometry3d afterFrame(bool turned, double sure, bool decided = true) {
     Sighting sighting = noisy_.of(turned ? upside_down_ : POSE);
-    sighting.middle = POSE.translation();
+    sighting.middle = middle_;
     sighting.turn = sure;
     sighting.decided = decided;
     return tracker_.update(frame_++ / 30.0, {sighting})[0].T_world_object;
@@ -319,6 +319,7 @@ class TurnedOver : public testing::Test {
 
   const Eigen::Isometry3d upside_down_ =
       POSE * Eigen::Translation3d(0.01, 0, 0) * Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitX());
+  Eigen::Vector3d middle_ = POSE.translation();
   Tracker tracker_;
   Noisy noisy_{0.001, 0.01};
   int frame_ = 0;
@@ -343,6 +344,12 @@ TEST_F(TurnedOver, aThingOfWhichNothingTellsTheTurnIsNotTurnedToAndFro) {
     last = pose;
   }
   EXPECT_LE(turns, 1);
+}
+
+TEST_F(TurnedOver, aThingThatIsHalfHiddenStaysAsItIs) {
+  for (int i = 0; i < 100; ++i) afterFrame(false, 0.9);
+  middle_.x() += 0.05;  // of what is still seen of it
+  EXPECT_LT(turnBetween(afterFrame(true, 0.7), POSE), 0.1);
 }
 
 TEST_F(TurnedOver, aThingThatWasTurnedIsSoonSeenSo) {

@@ -197,11 +197,15 @@ TEST(Docs, everyTopicAndServiceIsDocumentedAndThere) {
 
   for (const auto& nodelet : NODELETS) {
     const Names page = documented(nodelet);
+    Names graph;
     spinUntil([&] {
       clicks.publish(geometry_msgs::PointStamped());  // pick listens while a click waits
-      return spinUntil([&] { return namesOf(running()[nodelet]) == namesOf(page); }, 0.5);
+      const auto isAsDocumented = [&] {
+        graph = running()[nodelet];
+        return namesOf(graph) == namesOf(page);
+      };
+      return spinUntil(isAsDocumented, 0.5);
     });
-    const Names graph = running()[nodelet];
     EXPECT_EQ(namesOf(page), namesOf(graph)) << "docs/" << nodelet << ".md, and the graph";
     for (const auto& [name, type] : page) {
       const auto there = graph.find(name);

@@ -36,18 +36,22 @@ template <typename Message>
 class Recorder {
  public:
   Recorder(ros::NodeHandle& nh, const std::string& topic)
-      : subscriber_(nh.subscribe<Message>(topic, 100, [this](const auto& message) {
-          by_stamp_[message->header.stamp] = message;
-          received_[message->header.stamp] = ros::Time::now();
-        })) {}
+      : subscriber_(nh.subscribe<Message, const Event&>(
+            topic, 100, boost::function<void(const Event&)>([this](const Event& event) {
+              const auto message = event.getConstMessage();
+              by_stamp_[message->header.stamp] = message;
+              received_[message->header.stamp] = event.getReceiptTime();
+            }))) {}
 
   bool has(const ros::Time& stamp) const { return by_stamp_.count(stamp) > 0; }
   boost::shared_ptr<const Message> at(const ros::Time& stamp) const { return by_stamp_.at(stamp); }
   const auto& all() const { return by_stamp_; }
-  /// When each of them came here.
+  /// When each of them came here, whether this process was ready for it or not.
   const std::map<ros::Time, ros::Time>& received() const { return received_; }
 
  private:
+  using Event = ros::MessageEvent<const Message>;
+
   std::map<ros::Time, boost::shared_ptr<const Message>> by_stamp_;
   std::map<ros::Time, ros::Time> received_;
   ros::Subscriber subscriber_;
