@@ -132,7 +132,8 @@ std::vector<int> patchesOf(const std::vector<Eigen::Vector3f>& points,
 /// how many standard deviations the sum of what each patch has against it is off zero (Vuong 1989).
 /// Patches and not points, because a real camera's errors are alike over centimetres.
 double shapeCost(const Fit& fit, const Fit& closest, const std::vector<int>& patches) {
-  std::vector<double> against(patches.size(), 0), sizes(patches.size(), 0);  // more than patches
+  // Of each patch; there are no more patches than points.
+  std::vector<double> against(patches.size(), 0), sizes(patches.size(), 0);
   for (std::size_t i = 0; i < patches.size(); ++i) {
     against[patches[i]] += fit.squares[i] - closest.squares[i];
     ++sizes[patches[i]];
