@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -7,6 +8,7 @@
 #include "tabletop_perception/geometry.h"
 #include "tabletop_perception/model.h"
 #include "tabletop_perception/planar_surface.h"
+#include "tabletop_perception/revolution.h"
 
 namespace tabletop_perception {
 
@@ -37,6 +39,7 @@ struct SparseModel {
                                          ///< are no declared or continuous symmetry
   std::vector<Eigen::Isometry3d> spins;  ///< about an axis of continuous symmetry, in steps, the
                                          ///< identity first
+  std::optional<Axis> axis;  ///< about which most of it is of revolution, but not all of it
   std::vector<Eigen::Isometry3d> alike;  ///< all motions after which its shape is nearly the same,
                                          ///< but the identity; about an axis in steps
 

@@ -108,18 +108,15 @@ std::vector<Eigen::Vector3f> ClusteredScene::pointsOfClusters(const Marks& marks
 
 Surface ClusteredScene::samplesAround(int model, const Eigen::Isometry3d& T_camera_object,
                                       const Marks& marks) const {
-  const auto& grid = index_.grid(model);
-  const auto& surface = index_.models()[model].surface;
   const Eigen::Isometry3f T_object_camera = T_camera_object.inverse().cast<float>();
+  constexpr auto squared_reach = static_cast<float>(REACH * REACH);
   Surface around;
   for (std::size_t p = 0; p < parts_.surfaces.size(); ++p) {
     const Surface& part = parts_.surfaces[p];
     if (shareOf(marks, static_cast<std::size_t>(cluster_of_part_[p])) == 0) continue;
-    for (std::size_t i = 0; i < part.size(); ++i) {
-      const Eigen::Vector3f q = T_object_camera * part.points[i];
-      const int nearest = grid.nearest(q);
-      if (nearest >= 0 && (surface.points[nearest] - q).norm() <= REACH) append(part, i, around);
-    }
+    for (std::size_t i = 0; i < part.size(); ++i)
+      if (squaredDistance(index_, model, T_object_camera, part.points[i]) <= squared_reach)
+        append(part, i, around);
   }
   return around;
 }
@@ -128,17 +125,12 @@ std::vector<Eigen::Vector3f> ClusteredScene::pointsNear(int model,
                                                         const Eigen::Isometry3d& T_camera_object,
                                                         std::size_t cluster,
                                                         double tolerance) const {
-  const auto& grid = index_.grid(model);
-  const auto& surface = index_.models()[model].surface;
   const Eigen::Isometry3f T_object_camera = T_camera_object.inverse().cast<float>();
-  const auto limit = static_cast<float>(tolerance);
+  const auto limit = static_cast<float>(tolerance * tolerance);
   std::vector<Eigen::Vector3f> points;
-  for (const int i : clusters_[cluster]) {
-    const Eigen::Vector3f p = T_object_camera * scene_.point(i);
-    const int nearest = grid.nearest(p);
-    if (nearest >= 0 && (surface.points[nearest] - p).norm() <= limit)
+  for (const int i : clusters_[cluster])
+    if (squaredDistance(index_, model, T_object_camera, scene_.point(i)) <= limit)
       points.push_back(scene_.point(i));
-  }
   return points;
 }
 

@@ -163,13 +163,12 @@ class Decision {
                                                     hypothesis.explained);
     const Observation& observation = observations_.about(centroidOf(around.points));
     const auto points = clustered_.pointsOfClusters(hypothesis.explained);
+    hypothesis.T_camera_object = bestFreeTurn(index_, hypothesis.model, hypothesis.T_camera_object,
+                                              around, observation, verify_.tolerance, refine_);
     std::optional<SeenOutline> outline;
     if (observation.projection)
       outline.emplace(observation, index_, hypothesis.model, hypothesis.T_camera_object);
     const SeenOutline* seen = outline ? &*outline : nullptr;
-    hypothesis.T_camera_object =
-        bestFreeTurn(index_, hypothesis.model, hypothesis.T_camera_object, around, observation,
-                     seen, verify_.tolerance, refine_);
     const auto settled = settleTurn(index_, hypothesis.model, hypothesis.T_camera_object, points,
                                     coloredOf(hypothesis), seen, tables_, refine_);
     if (!settled) return;
@@ -181,8 +180,11 @@ class Decision {
 
   /// With the pose that leaves, and how far that may be off.
   Hypothesis polished(Hypothesis hypothesis) const {
-    const auto pose = polishPose(index_, hypothesis.model, hypothesis.T_camera_object,
-                                 clustered_.pointsOfClusters(hypothesis.explained), refine_);
+    const auto& observation =
+        observations_.about(hypothesis.T_camera_object.translation().cast<float>());
+    const auto pose =
+        polishPose(index_, hypothesis.model, hypothesis.T_camera_object,
+                   clustered_.pointsOfClusters(hypothesis.explained), observation, refine_);
     hypothesis.T_camera_object = pose.T_camera_object;
     hypothesis.uncertainty = pose.uncertainty;
     return hypothesis;

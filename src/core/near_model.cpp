@@ -1,8 +1,17 @@
 #include "near_model.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace tabletop_perception {
+
+float squaredDistance(const ModelIndex& index, int model, const Eigen::Isometry3f& T_object_camera,
+                      const Eigen::Vector3f& point) {
+  const Eigen::Vector3f p = T_object_camera * point;
+  const int nearest = index.grid(model).nearest(p);
+  return nearest < 0 ? std::numeric_limits<float>::infinity()
+                     : (index.models()[model].surface.points[nearest] - p).squaredNorm();
+}
 
 Surface pointsNearModel(const ModelIndex& index, int model,
                         const Eigen::Isometry3d& T_camera_object,

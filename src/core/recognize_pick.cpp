@@ -4,6 +4,8 @@
 #include <utility>
 #include <vector>
 
+#include "cut_by_model.h"
+#include "near_model.h"
 #include "tabletop_perception/normals.h"
 #include "tabletop_perception/pick_scene.h"
 #include "tabletop_perception/propose.h"
@@ -16,16 +18,14 @@ constexpr int FINER_CUTS = 2;             // of what resembles nothing, each at 
 constexpr double LEAST_ANGLE_DEG = 0.1;   // that a cluster may be cut at
 constexpr std::uint32_t FIRST_LABEL = 2;  // of clusters: that of the thing
 constexpr float POINTED_AT = 0.015f;      // farthest from what is seen there to the model [m]
+constexpr double CUT_DOUBT = 0.8;         // of a cut by a model that may be left, to that of others
 
-/// Squared distance of a point from a model at its pose; infinite beyond the model's grid [m^2].
-float squaredDistance(const ModelIndex& index, const SceneObject& object,
-                      const Eigen::Vector3f& point) {
+/// Squared distance of a point from a known object; infinite far from it [m^2].
+float squaredDistanceFrom(const ModelIndex& index, const SceneObject& object,
+                          const Eigen::Vector3f& point) {
   const int model = index.find(object.name);
   if (model < 0) return std::numeric_limits<float>::infinity();
-  const Eigen::Vector3f p = object.T_camera_object.inverse().cast<float>() * point;
-  const int nearest = index.grid(model).nearest(p);
-  return nearest < 0 ? std::numeric_limits<float>::infinity()
-                     : (index.models()[model].surface.points[nearest] - p).squaredNorm();
+  return squaredDistance(index, model, object.T_camera_object.inverse().cast<float>(), point);
 }
 
 /// The search for what was picked: looks at it cut in one way and another, and remembers the
@@ -94,11 +94,33 @@ class Search {
     Indices left;
     for (const int i : pick_.thing())
       if (std::none_of(around_.begin(), around_.end(), [&](const SceneObject& object) {
-            return squaredDistance(index_, object, scene_.point(i)) <= limit;
+            return squaredDistanceFrom(index_, object, scene_.point(i)) <= limit;
           }))
         left.push_back(i);
     if (left.size() == pick_.thing().size()) return {};
     return partAtPointFirst(extractClusters(scene_, left, options_.cluster));
+  }
+
+  /// The same of what models that may stand at the point would explain of all that stands near it.
+  /// Each cut is made to fit: it counts only where it shows that model, and more than likely.
+  void lookAtCutsByModels() {
+    Indices standing;
+    for (const auto* clusters : {&pick_.clusters, &pick_.others})
+      for (const auto& cluster : *clusters)
+        standing.insert(standing.end(), cluster.begin(), cluster.end());
+    const std::vector<Table> tables = {pick_.table};
+    const Eigen::Vector3f seen = seenPoint(pick_.thing());
+    const Observations observations(scene_, tables);
+    for (const auto& cut :
+         cutsByModels(observations.about(seen), standing, seen, index_, options_.refine)) {
+      const auto objects = objectsIn({cut.points});
+      const auto at_point = atPoint(objects, cut.points);
+      if (at_point == objects.end() || at_point->name != cut.name ||
+          1 - at_point->score > CUT_DOUBT * (1 - options_.verify.min_score))
+        continue;
+      best_ = *at_point;
+      return;
+    }
   }
 
  private:
@@ -118,7 +140,7 @@ class Search {
     float least = POINTED_AT * POINTED_AT;
     for (auto object = objects.begin(); object != objects.end(); ++object) {
       if (object->name == "unknown") continue;
-      const float squared = squaredDistance(index_, *object, seen);
+      const float squared = squaredDistanceFrom(index_, *object, seen);
       if (squared > least) continue;
       nearest = object;
       least = squared;
@@ -182,6 +204,7 @@ SceneObject recognizePick(const Pick& pick, const ModelIndex& index,
   else
     cutFiner(rest.front(), angle_deg);
   if (!search.isKnown()) search.lookAtRegions(search.regionsOf(rest.front()));
+  if (!search.isKnown() && options.match.stands) search.lookAtCutsByModels();
   return search.best();
 }
 

@@ -279,6 +279,7 @@ SparseModel makeSparse(const ObjectModel& model) {
   sparse.stands = standsOf(model);
   sparse.turns = nearSymmetries(model, sparse.surface);
   sparse.spins = spinsOf(model.symmetry);
+  if (!model.symmetry.continuous()) sparse.axis = axisOfMost(model.surface);
   sparse.alike = motionsAlike(model.symmetry, sparse.turns);
   return sparse;
 }

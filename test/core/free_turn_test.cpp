@@ -1,5 +1,7 @@
 #include "free_turn.h"
 
+#include <cmath>
+#include <optional>
 #include <utility>
 
 #include <gtest/gtest.h>
@@ -20,6 +22,23 @@ Eigen::Isometry3d turnedBy(double angle) {
   return Eigen::Isometry3d(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()));
 }
 
+double angleBetween(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  return angleOf(Eigen::Matrix3d(a.linear().transpose() * b.linear()));
+}
+
+/// With a wall at this depth behind it [m].
+Cloud beforeWall(Cloud image, float z) {
+  const Projection camera = scene::SceneOptions().projection;
+  for (int v = 0; v < image.height; ++v)
+    for (int u = 0; u < image.width; ++u) {
+      const int i = v * image.width + u;
+      const auto x = static_cast<float>((u - camera.cx) / camera.fx);
+      const auto y = static_cast<float>((v - camera.cy) / camera.fy);
+      if (!image.valid(i)) image.setPoint(i, z * Eigen::Vector3f(x, y, 1));
+    }
+  return image;
+}
+
 /// A thing that is looked at, and where it is said to be from a start that is turned.
 class Thing {
  public:
@@ -35,19 +54,14 @@ class Thing {
 
   Eigen::Isometry3d found(const Eigen::Isometry3d& truth, const Eigen::Isometry3d& start) const {
     const Cloud image = views::imageOf(mesh_, truth);
-    return bestFreeTurn(index_, 0, start, views::sampled(image),
-                        observe(image, nullptr, scene::SceneOptions().projection), nullptr, 0.008,
-                        RefineOptions());
+    return found(image, views::sampled(image), start, scene::SceneOptions().projection);
   }
 
-  /// The same where the points are of another mesh, and the picture and its outline of this one.
-  Eigen::Isometry3d foundByOutline(const Mesh& seen, const Eigen::Isometry3d& truth,
-                                   const Eigen::Isometry3d& start, bool with_outline) const {
-    const Cloud image = views::imageOf(mesh_, truth);
-    const auto observation = observe(image, nullptr, scene::SceneOptions().projection);
-    const SeenOutline outline(observation, index_, 0, start);
-    return bestFreeTurn(index_, 0, start, views::sampled(views::imageOf(seen, truth)), observation,
-                        with_outline ? &outline : nullptr, 0.008, RefineOptions());
+  /// The same of a picture and of points.
+  Eigen::Isometry3d found(const Cloud& image, const Surface& points, const Eigen::Isometry3d& start,
+                          const std::optional<Projection>& projection) const {
+    return bestFreeTurn(index_, 0, start, points, observe(image, nullptr, projection), 0.008,
+                        RefineOptions());
   }
 
  private:
@@ -62,31 +76,46 @@ TEST(FreeTurn, BringsTheHandleOfAMugWhereItIsSeen) {
   const auto truth = thing.seenFrom({1, 0.8, 0.7});
   for (const double angle : {0.7, 2.0, -2.5}) {
     const auto found = thing.found(truth, truth * turnedBy(angle));
-    const Eigen::Matrix3d between = truth.linear().transpose() * found.linear();
-    EXPECT_LT(angleOf(between), 0.1) << angle;
+    EXPECT_LT(angleBetween(truth, found), 0.1) << angle;
     EXPECT_LT((truth.translation() - found.translation()).norm(), 0.003) << angle;
   }
 }
 
-TEST(FreeTurn, BringsAHandleThatNoClusterHoldsWhereItsOutlineIs) {
+TEST(FreeTurn, BringsAHandleThatNoClusterHoldsWhereThePictureShowsIt) {
   const Thing thing(mug());
   const auto truth = thing.seenFrom({0.2, -1, 0.7});
-  const auto angleBetween = [&](const Eigen::Isometry3d& found) {
-    return angleOf(Eigen::Matrix3d(truth.linear().transpose() * found.linear()));
-  };
+  const Cloud image = views::imageOf(mug(), truth);
+  const Surface body = views::sampled(views::imageOf(scene::cylinder(0.045, 0.1), truth));
+  const auto camera = scene::SceneOptions().projection;
   for (const double angle : {1.5, 1.0}) {
     const auto start = truth * turnedBy(angle);
-    const Mesh body = scene::cylinder(0.045, 0.1);
-    EXPECT_LT(angleBetween(thing.foundByOutline(body, truth, start, true)), 0.1) << angle;
-    EXPECT_GT(angleBetween(thing.foundByOutline(body, truth, start, false)), 0.5) << angle;
+    EXPECT_LT(angleBetween(truth, thing.found(image, body, start, camera)), 0.1) << angle;
+    EXPECT_GT(angleBetween(truth, thing.found(image, body, start, std::nullopt)), 0.5) << angle;
   }
 }
 
-TEST(FreeTurn, StaysWhereTheHandleIsHidden) {
+TEST(FreeTurn, IsNotHeldByThePointsOfWhatTouchesIt) {
+  const Mesh beside = scene::moved(scene::box(0.08, 0.06, 0.1), 0, 0.077, 0);
+  const Thing thing(mug());
+  const auto truth = thing.seenFrom({1, -0.2, 0.7});
+  const Cloud image = views::imageOf(scene::merged({mug(), beside}), truth);
+  const auto start = truth * turnedBy(M_PI / 2);  // the handle in the box
+  const auto found = thing.found(beforeWall(image, 1.5f), views::sampled(image), start,
+                                 scene::SceneOptions().projection);
+  EXPECT_LT(angleBetween(truth, found), 0.1);
+}
+
+TEST(FreeTurn, HidesAHandleThatIsNotSeen) {
   const Thing thing(mug());
   const auto truth = thing.seenFrom({-1, 0, 0.3});
-  const auto start = truth * turnedBy(0.2);
-  EXPECT_TRUE(thing.found(truth, start).isApprox(start));
+  const Cloud image = views::imageOf(mug(), truth);
+  const auto foundFrom = [&](const Eigen::Isometry3d& start) {
+    return thing.found(beforeWall(image, 1.5f), views::sampled(image), start,
+                       scene::SceneOptions().projection);
+  };
+  const auto hidden = truth * turnedBy(0.2), in_view = truth * turnedBy(2);
+  EXPECT_TRUE(foundFrom(hidden).isApprox(hidden)) << "one turn is as good as another";
+  EXPECT_LT(angleBetween(truth, foundFrom(in_view)), 0.5);
 }
 
 TEST(FreeTurn, StaysWithThingsThatLeaveNoTurnFree) {

@@ -111,11 +111,23 @@ TEST(RecognizePick, theFacesOfSeveralThingsInOneClusterTellThem) {
     expectAt(recognizedAt(scene, k, index, withoutParts(unsplit())), scene.objects[k]);
 }
 
+TEST(RecognizePick, aModelThatMayStandAtThePointCutsItsThingOut) {
+  const auto scene =
+      scene::render({{"brick", scene::box(0.05, 0.08, 0.06), scene::standing(0, -0.041, 0)},
+                     {"tall", scene::box(0.06, 0.07, 0.12), scene::standing(0, 0.035, 0)}});
+  const ModelIndex index({modelOf("brick", scene.objects[0].mesh)});
+  PipelineOptions options = withoutParts(unsplit());
+  expectAt(recognizedAt(scene, 0, index, options), scene.objects[0]);
+  options.match.stands = false;
+  EXPECT_EQ(recognizedAt(scene, 0, index, options).name, "unknown");
+}
+
 TEST(RecognizePick, aSingleFaceTellsNothing) {
   const auto scene = threeBoxes();
+  PipelineOptions options = withoutParts(unsplit());
+  options.match.stands = false;
   for (std::size_t k = 0; k < 3; ++k)
-    EXPECT_EQ(recognizedAt(scene, k, modelsOf({scene.objects[k]}), withoutParts(unsplit())).name,
-              "unknown");
+    EXPECT_EQ(recognizedAt(scene, k, modelsOf({scene.objects[k]}), options).name, "unknown");
 }
 
 }  // namespace
