@@ -56,7 +56,8 @@ Pick atFullResolution(const Cloud& cloud, Pick pick);
 /// What the thing of a pick at full resolution is, by the stages of the recogniser: its cluster
 /// alone or with all that stands near the point, whichever is the likelier. Where that resembles
 /// nothing, the cluster is cut at shallower hollows, and what is left of it beside the objects that
-/// are known around it is looked at by itself. Of several objects the one nearest to the point.
+/// are known around it is looked at by itself; so is, at last, what a model that may stand at the
+/// point would explain. Of several objects the one nearest to the point.
 /// "unknown" with the reason where no object of the index stands up to the limits.
 SceneObject recognizePick(const Pick& pick, const ModelIndex& index,
                           const PipelineOptions& options);

@@ -84,7 +84,7 @@ std::vector<ModelCut> cutsByModels(const Observation& observation, const Indices
     std::copy_if(standing.begin(), standing.end(), std::back_inserter(cut.points), [&](int i) {
       return squaredDistance(index, model, T_object_camera, observation.scene.point(i)) < CUT * CUT;
     });
-    cuts.push_back(std::move(cut));
+    if (!cut.points.empty()) cuts.push_back(std::move(cut));
   }
   return cuts;
 }

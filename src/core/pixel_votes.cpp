@@ -13,6 +13,7 @@ constexpr float SAME = 0.006f;        // in range, of what is seen and the model
 constexpr float BEHIND = 0.011f;      // by which what is seen lies behind the model [m]
 constexpr double HIDDEN = 0.25;       // of a vote against what is not seen for something nearer
 constexpr float MIN_HEIGHT = 0.005f;  // above the table of what speaks for a model [m]
+constexpr float MIN_DEPTH = 0.02f;    // of what is drawn [m]
 constexpr float LEAF = 0.003f;        // side of what a point of a model stands for [m]
 constexpr int MOST_DRAWN = 3;         // points along such a side
 constexpr float NOWHERE = std::numeric_limits<float>::infinity();
@@ -28,7 +29,7 @@ class Rendering {
     double nearest_z = NOWHERE;
     for (std::size_t i = 0; i < model.size(); ++i) {
       const Eigen::Vector3f p = T * model.points[i], n = T.linear() * model.normals[i];
-      if (!(p.z() * static_cast<float>(camera.forward) > 0) || n.dot(p) >= 0) continue;
+      if (!(p.z() * static_cast<float>(camera.forward) > MIN_DEPTH) || n.dot(p) >= 0) continue;
       facing.points.push_back(p);
       facing.normals.push_back(n);
       box.extend(camera.pixel(p.cast<double>()));
@@ -51,8 +52,8 @@ class Rendering {
     for (std::size_t i = 0; i < facing.size(); ++i) draw(facing.points[i], facing.normals[i]);
   }
 
-  /// Calls visit(column, row, range, area) for a pixel of each square of pixels that shows the
-  /// model, whose side is `area` as large there [m^2].
+  /// Calls visit(column, row, range, area) for the middle pixel of each square of pixels that shows
+  /// the model; `area`: of the square, where the model is [m^2].
   template <typename Visit>
   void visitShown(Visit visit) const {
     const double side = step_ / std::abs(camera_.fx);  // at a range of 1 m
@@ -81,9 +82,10 @@ class Rendering {
                             static_cast<float>(camera_.cx - left_ + 0.5);
         const float down = static_cast<float>(camera_.fy) * q.y() * inverse_z +
                            static_cast<float>(camera_.cy - top_ + 0.5);
-        if (!(right >= 0 && down >= 0)) continue;
+        if (!(right >= 0 && right < static_cast<float>(width_ * step_) && down >= 0 &&
+              down < static_cast<float>(height_ * step_)))
+          continue;
         const int u = static_cast<int>(right) / step_, v = static_cast<int>(down) / step_;
-        if (u >= width_ || v >= height_) continue;
         float& range = ranges_[static_cast<std::size_t>(v) * width_ + u];
         range = std::min(range, q.norm());
       }

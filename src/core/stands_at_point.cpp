@@ -39,7 +39,7 @@ double promiseOf(const ModelIndex& index, int model, const Eigen::Isometry3d& T_
 std::vector<Candidate> standsAt(const Eigen::Vector3f& point, const Eigen::Vector3f& normal,
                                 const Observation& observation, const ModelIndex& index, int most) {
   std::vector<Candidate> all;
-  if (!observation.table) return all;
+  if (!observation.table || !observation.projection) return all;
   const Table& table = *observation.table;
   const double height = heightAbove(table, point);
   const Eigen::Vector3d seen = point.cast<double>();
