@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include <Eigen/Eigenvalues>
 
+#include "lowest_point.h"
 #include "pixel_votes.h"
 #include "tabletop_perception/uncertainty.h"
 
@@ -22,6 +24,7 @@ constexpr double CLEARER = 2;              // times as likely, to be turned
 constexpr int FINE_TURNS = 5;              // that are tried about the best one
 constexpr int ROUNDS = 2;                  // of turns and ICP
 constexpr double MIN_GAIN = 0.02;          // of agreement, to be turned
+constexpr double MAX_SINK = 0.008;         // of a turn, into the table [m]
 constexpr double MIN_TURN_SHARE = 0.9;     // of a free direction that is a turn, not a shift
 
 /// A turn about an axis in the camera's frame.
@@ -140,8 +143,14 @@ Eigen::Isometry3d bestFreeTurn(const ModelIndex& index, int model,
     });
     return angle == 0 ? T_camera_object : alignedTo(turn->by(angle) * T_camera_object);
   }
+  const auto sinkAt = [&](const Eigen::Isometry3d& pose) {
+    return observation.table ? sinkOf(*observation.table, pose, index.sparse(model).surface.points)
+                             : 0;
+  };
+  const double deepest = std::max(MAX_SINK, sinkAt(T_camera_object));
   const auto votesAt = [&](const Eigen::Isometry3d& pose) {
-    return votesAgainst(observation, index.models()[model].surface, pose);
+    return sinkAt(pose) > deepest ? std::numeric_limits<double>::infinity()
+                                  : votesAgainst(observation, index.models()[model].surface, pose);
   };
   const auto turned = [&](const Eigen::Isometry3d& pose, double angle) -> Eigen::Isometry3d {
     return turn->by(angle) * pose;

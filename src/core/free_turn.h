@@ -11,10 +11,10 @@ namespace tabletop_perception {
 
 /// A model turned as the picture has it about the axis about which most of it is of revolution, or
 /// the one about which the points near it say nothing, and laid on them again: ICP ends with a mug
-/// on its body wherever the handle was at first. The middle of the turns that are as likely: a
-/// handle that is nowhere to be seen is where the most is hidden. Without a projection, the turn
-/// that agrees best with the points, if it is clearly better. The same pose where there is no such
-/// axis. `points`: of the clusters that show the object, in the camera's frame.
+/// on its body wherever the handle was at first. The middle of the turns that are as likely, none
+/// of them into the table. Without a projection, the turn that agrees best with the points. The
+/// same pose where there is no such axis and where no turn is clearly better: a handle that is
+/// hidden stays where it is. `points`: of the clusters that show the object, in the camera's frame.
 Eigen::Isometry3d bestFreeTurn(const ModelIndex& index, int model,
                                const Eigen::Isometry3d& T_camera_object,
                                const PlanarSurface& points, const Observation& observation,

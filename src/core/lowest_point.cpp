@@ -14,4 +14,9 @@ double lowestAbove(const Table& table, const Eigen::Isometry3d& T_camera_object,
   return lowest + up.dot(T_camera_object.translation()) + table.plane[3];
 }
 
+double sinkOf(const Table& table, const Eigen::Isometry3d& T_camera_object,
+              const std::vector<Eigen::Vector3f>& points) {
+  return std::max(0.0, -lowestAbove(table, T_camera_object, points));
+}
+
 }  // namespace tabletop_perception

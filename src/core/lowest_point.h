@@ -14,4 +14,8 @@ namespace tabletop_perception {
 double lowestAbove(const Table& table, const Eigen::Isometry3d& T_camera_object,
                    const std::vector<Eigen::Vector3f>& points);
 
+/// How deep an object reaches below a table [m].
+double sinkOf(const Table& table, const Eigen::Isometry3d& T_camera_object,
+              const std::vector<Eigen::Vector3f>& points);
+
 }  // namespace tabletop_perception

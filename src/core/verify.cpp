@@ -60,11 +60,6 @@ std::vector<Eigen::Vector3f> pointsOf(const PlanarSurface& surface) {
   return points;
 }
 
-/// How deep a model reaches below the table's surface [m].
-double sinkOf(const Surface& model, const Eigen::Isometry3d& T_camera_object, const Table& table) {
-  return std::max(0.0, -lowestAbove(table, T_camera_object, model.points));
-}
-
 std::string refusal(const Verification& verification, const VerifyOptions& options) {
   const Agreement& v = verification.agreement;
   char text[120];
@@ -102,7 +97,8 @@ Verification verifyPose(const ModelIndex& index, int model,
   verification.agreement =
       agreementOf(index, model, T_camera_object, touched, observation, options.tolerance);
   if (observation.table)
-    verification.sink = sinkOf(index.sparse(model).surface, T_camera_object, *observation.table);
+    verification.sink =
+        sinkOf(*observation.table, T_camera_object, index.sparse(model).surface.points);
   const auto judge = [&] {
     verification.score = verification.agreement.score(options.tolerance);
     verification.reason = refusal(verification, options);

@@ -59,8 +59,9 @@ class Thing {
 
   /// The same of a picture and of points.
   Eigen::Isometry3d found(const Cloud& image, const Surface& points, const Eigen::Isometry3d& start,
-                          const std::optional<Projection>& projection) const {
-    return bestFreeTurn(index_, 0, start, points, observe(image, nullptr, projection), 0.008,
+                          const std::optional<Projection>& projection,
+                          const Table* table = nullptr) const {
+    return bestFreeTurn(index_, 0, start, points, observe(image, table, projection), 0.008,
                         RefineOptions());
   }
 
@@ -116,6 +117,24 @@ TEST(FreeTurn, HidesAHandleThatIsNotSeen) {
   const auto hidden = truth * turnedBy(0.2), in_view = truth * turnedBy(2);
   EXPECT_TRUE(foundFrom(hidden).isApprox(hidden)) << "one turn is as good as another";
   EXPECT_LT(angleBetween(truth, foundFrom(in_view)), 0.5);
+}
+
+TEST(FreeTurn, HidesNoHandleInTheTable) {
+  const Thing thing(mug());
+  const auto lying = thing.seenFrom({0.2, 1, 0.3});  // on the side that is -y
+  Table table;
+  table.plane.head<3>() = lying.linear().col(1);
+  table.plane[3] = -table.plane.head<3>().dot(lying * Eigen::Vector3d(0, -0.045, 0));
+  const Mesh body = scene::cylinder(0.045, 0.1);
+  const Mesh board = scene::moved(scene::box(0.6, 0.02, 0.6), 0, -0.055, -0.3);
+  const Cloud image = views::imageOf(scene::merged({body, board}), lying);
+  const auto downAt = [&](const Table* known) -> double {
+    const auto found = thing.found(image, views::sampled(views::imageOf(body, lying)), lying,
+                                   scene::SceneOptions().projection, known);
+    return -table.plane.head<3>().dot(found.linear().col(0));  // of the handle
+  };
+  EXPECT_GT(downAt(nullptr), 0.72) << "where nobody knows of a table";
+  EXPECT_LT(downAt(&table), 0.68);
 }
 
 TEST(FreeTurn, StaysWithThingsThatLeaveNoTurnFree) {
