@@ -96,7 +96,7 @@ double likeliestAngle(const Votes& votesAgainstAt) {
   double most = about(0);
   for (int k = 1; k < TURNS; ++k) {
     const double sum = about(k);
-    if (sum <= most) continue;
+    if (sum <= most || all[k] == 0) continue;
     most = sum;
     best = k;
   }
@@ -160,9 +160,13 @@ Eigen::Isometry3d bestFreeTurn(const ModelIndex& index, int model,
   if (angle == 0) return T_camera_object;
   Eigen::Isometry3d pose = turned(T_camera_object, angle);
   for (int round = 0; round < ROUNDS; ++round) {
-    pose = turned(pose, likelyAngle([&](double some) { return votesAt(turned(pose, some)); }));
+    const Eigen::Isometry3d likely =
+        turned(pose, likelyAngle([&](double some) { return votesAt(turned(pose, some)); }));
+    const double against = votesAt(likely);
+    if (std::isinf(against)) break;
+    pose = likely;
     const Eigen::Isometry3d aligned = alignedTo(pose);
-    if (votesAt(aligned) > votesAt(pose) + VOTES_ALIKE) break;
+    if (votesAt(aligned) > against + VOTES_ALIKE) break;
     pose = aligned;
   }
   return pose;
